@@ -43,7 +43,7 @@ class EmbeddedSimulator:
     """
 
     name = "embedded"
-    version = "3"
+    version = "4"
     dt_s = DT_S
     portable_bits = True
 

@@ -45,13 +45,19 @@ def overlap(
 
 
 @inner
+def _was_hit_here(world: WorldArrays) -> bool:
+    """Return True within 5 m of the place of the last collision: another one there is the same one."""
+    ego, criteria = world.ego, world.criteria
+    return hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
+
+
+@inner
 def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> None:
     """Note at most one event per 5 s and actor, per 5 m of road, and none while standing; push the ego out."""
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
-    near = hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
     again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
-    if not near and not again and v >= STANDING_MPS:
+    if not _was_hit_here(world) and not again and v >= STANDING_MPS:
         note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
@@ -87,31 +93,66 @@ def _wake_flow(world: WorldArrays, flow: int) -> None:
 
 
 @inner
+def _actor_depth(world: WorldArrays, i: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return what `overlap` does for the ego at a place and the solid body `i`, 0 for one that is not there."""
+    if world.actor_ints[i, c.I_ACTIVE] != 1 or world.actor_ints[i, c.I_SOLID] == 0:
+        return 0.0, 0.0, 0.0
+    other = world.actors[i]
+    length, width = world.ego_length_m, world.ego_width_m
+    reach = 0.5 * (length + width + other[c.A_LENGTH] + other[c.A_WIDTH])
+    if abs(other[c.A_X] - x) > reach or abs(other[c.A_Y] - y) > reach:
+        return 0.0, 0.0, 0.0
+    return overlap(
+        x, y, world.ego[c.EGO_YAW], length, width,
+        other[c.A_X], other[c.A_Y], other[c.A_YAW], other[c.A_LENGTH], other[c.A_WIDTH],
+    )  # fmt: skip
+
+
+@inner
+def _building_depth(world: WorldArrays, k: int, x: float, y: float) -> tuple[float, float, float]:
+    """Return what `overlap` does for the ego at a place and the building `k`."""
+    box, length = world.buildings[k], world.ego_length_m
+    reach = 0.5 * (length + box[3] + box[4])
+    if abs(box[0] - x) > reach or abs(box[1] - y) > reach:
+        return 0.0, 0.0, 0.0
+    return overlap(x, y, world.ego[c.EGO_YAW], length, world.ego_width_m, box[0], box[1], box[2], box[3], box[4])
+
+
+@inner
+def hold_back(world: WorldArrays, before_mps: float) -> None:
+    """Keep an ego standing that presses against what it has hit. `before_mps` is its speed at the start of the tick.
+
+    Otherwise it would gain speed in one tick and lose it in the next, and never count as standing. What it knocks over
+    does not hold it, and what it has not hit yet is hit.
+    """
+    ego = world.ego
+    if before_mps >= STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
+        return
+    along, beside = cos_sin(ego[c.EGO_YAW])
+    ahead_m = ego[c.EGO_V] * world.dt_s
+    x, y, freedom = ego[c.EGO_X] + ahead_m * along, ego[c.EGO_Y] + ahead_m * beside, 1.0
+    for i in range(len(world.actors)):
+        if world.actor_ints[i, c.I_KIND] not in (_PEDESTRIAN, _CONE, _SIGN):
+            depth, nx, ny = _actor_depth(world, i, x, y)
+            if depth > 0.0:
+                freedom = min(freedom, 1.0 + nx * along + ny * beside)
+    for k in range(len(world.buildings)):
+        depth, nx, ny = _building_depth(world, k, x, y)
+        if depth > 0.0:
+            freedom = min(freedom, 1.0 + nx * along + ny * beside)
+    ego[c.EGO_V] *= max(freedom, 0.0)
+
+
+@inner
 def contacts(world: WorldArrays) -> None:
     """Find every solid body and building that the ego overlaps at the end of the tick."""
     ego = world.ego
-    length, width = world.ego_length_m, world.ego_width_m
     for i in range(len(world.actors)):
-        if world.actor_ints[i, c.I_ACTIVE] != 1 or world.actor_ints[i, c.I_SOLID] == 0:
-            continue
-        other = world.actors[i]
-        reach = 0.5 * (length + width + other[c.A_LENGTH] + other[c.A_WIDTH])
-        if abs(other[c.A_X] - ego[c.EGO_X]) > reach or abs(other[c.A_Y] - ego[c.EGO_Y]) > reach:
-            continue
-        depth, nx, ny = overlap(
-            ego[c.EGO_X], ego[c.EGO_Y], ego[c.EGO_YAW], length, width,
-            other[c.A_X], other[c.A_Y], other[c.A_YAW], other[c.A_LENGTH], other[c.A_WIDTH],
-        )  # fmt: skip
+        depth, nx, ny = _actor_depth(world, i, ego[c.EGO_X], ego[c.EGO_Y])
         if depth > 0.0:
             _touch(world, nx, ny, depth, i)
     for k in range(len(world.buildings)):
-        box = world.buildings[k]
-        reach = 0.5 * (length + box[3] + box[4])
-        if abs(box[0] - ego[c.EGO_X]) > reach or abs(box[1] - ego[c.EGO_Y]) > reach:
-            continue
-        depth, nx, ny = overlap(
-            ego[c.EGO_X], ego[c.EGO_Y], ego[c.EGO_YAW], length, width, box[0], box[1], box[2], box[3], box[4]
-        )
+        depth, nx, ny = _building_depth(world, k, ego[c.EGO_X], ego[c.EGO_Y])
         if depth > 0.0:
             _touch(world, nx, ny, depth, -1)
 

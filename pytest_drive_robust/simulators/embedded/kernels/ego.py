@@ -26,7 +26,10 @@ def _on_dirt(world: WorldArrays, throttle: float, steer: float) -> tuple[float, 
 
 @inner
 def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
-    """Move the ego with the speed at the start of the tick: the fits are made for that. v >= 0."""
+    """Move the ego with the speed at the start of the tick: the fits are made for that. v >= 0.
+
+    What it touches may take speed from it, so its acceleration is known after `contacts`.
+    """
     throttle, steer = _on_dirt(world, throttle, steer)
     ego = world.ego
     dt, v = world.dt_s, ego[c.EGO_V]
@@ -37,5 +40,5 @@ def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) ->
     ego[c.EGO_X] += v * along * dt
     ego[c.EGO_Y] += v * beside * dt
     ego[c.EGO_YAW] = wrap_angle(ego[c.EGO_YAW] + yaw_rate * dt)
-    ego[c.EGO_FORWARD], ego[c.EGO_RIGHT], ego[c.EGO_YAW_RATE] = (after - v) / dt, v * yaw_rate, yaw_rate
+    ego[c.EGO_RIGHT], ego[c.EGO_YAW_RATE] = v * yaw_rate, yaw_rate
     ego[c.EGO_V] = after

@@ -11,7 +11,7 @@ from pytest_drive_robust.jit.arrays import Floats2
 from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import judge
-from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts
+from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts, hold_back
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
 from pytest_drive_robust.simulators.embedded.kernels.mkz import mkz_turn
@@ -35,8 +35,11 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
     run_flows(world)
     survey(world)
     move_actors(world)
+    before_mps = world.ego[c.EGO_V]
     move_ego(world, throttle, steer, brake)
+    hold_back(world, before_mps)
     contacts(world)
+    world.ego[c.EGO_FORWARD] = (world.ego[c.EGO_V] - before_mps) / world.dt_s
     judge(world)
 
 

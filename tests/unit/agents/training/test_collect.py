@@ -179,7 +179,7 @@ def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     (old / "collect.json").write_text(json.dumps(told | {"simulator": "2"}))
     with pytest.raises(UsageError, match=r"holds other data \(simulator: '2' there, '3' now\)"):
         collect(collection, old, progress=False)
-    with pytest.raises(UsageError, match=r"old was collected in embedded 2, and the world is embedded 3 now"):
+    with pytest.raises(UsageError, match=r"old was collected in embedded 2, and the world is embedded 4 now"):
         check_world([new, old])
     check_world([new, tmp_path])  # frames of no collection are somebody's own
 

@@ -161,13 +161,55 @@ def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> 
                 assert overlap(a[2], a[3], a[4], a[6], a[7], b[2], b[3], b[4], b[6], b[7])[0] == 0.0, (a, b)
 
 
+def hits_of(world: World) -> np.ndarray:
+    events = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
+    return events[events[:, c.EV_KIND] == c.EVENT_COLLISION]
+
+
 def test_driving_into_a_parked_car_stops_the_ego_and_counts_once() -> None:
     world = driven(BY_TYPE["ParkedObstacle"], Control(throttle=0.5), 400)
-    events = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
-    hits = events[events[:, c.EV_KIND] == c.EVENT_COLLISION]
+    hits = hits_of(world)
     assert len(hits) == 1
     assert hits[0, c.EV_VALUE] > 5.0
     assert world.state.ego[c.EGO_V] < 1.0
+
+
+@pytest.mark.parametrize("throttle", [0.3, 0.75, 1.0])
+def test_an_ego_that_presses_against_what_it_hit_stands(throttle: float) -> None:
+    world = driven(BY_TYPE["ParkedObstacle"], Control(throttle=1.0), 300)
+    assert len(hits_of(world)) == 1
+    stood_s, place = float(world.state.criteria[c.C_STILL_S]), world.state.ego[:3].copy()
+    for _ in range(100):
+        world.tick(Control(throttle=throttle))
+        assert world.state.ego[c.EGO_V] == world.state.ego[c.EGO_FORWARD] == 0.0
+    assert np.array_equal(world.state.ego[:3], place)
+    assert world.state.criteria[c.C_STILL_S] == pytest.approx(stood_s + 5.0)
+
+
+def test_an_ego_that_scrapes_along_what_it_hit_goes_on() -> None:
+    world = driven(BY_TYPE["ParkedObstacle"], Control(throttle=1.0), 300)
+    other = world.state.actors[int(hits_of(world)[0, c.EV_ACTOR])]
+    yaw, beside_m = float(other[c.A_YAW]), 0.5 * float(other[c.A_WIDTH] + world.frame().ego.width_m)
+    along, left = (math.cos(yaw), math.sin(yaw)), (math.sin(yaw), -math.cos(yaw))
+    x, y = (float(other[at]) + beside_m * left[k] - 2.0 * along[k] for k, at in enumerate((c.A_X, c.A_Y)))
+    world.place_ego(x, y, yaw + 0.03, 0.0)
+    for _ in range(60):
+        world.tick(Control(throttle=0.5))
+    moved_m = (world.state.ego[c.EGO_X] - x) * along[0] + (world.state.ego[c.EGO_Y] - y) * along[1]
+    assert moved_m > 3.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(route=st.sampled_from(sorted(BY_TYPE)), seed=st.integers(0, 2**32 - 1))
+def test_acceleration_is_the_change_of_speed_whatever_is_hit(route: str, seed: int) -> None:
+    world, rng = World(BY_TYPE[route], seed=0), np.random.default_rng(seed)
+    for tick in range(400):
+        if tick % 20 == 0:
+            throttle, steer, brake = rng.uniform(0.3, 1.0), rng.normal(0.0, 0.1), float(rng.random() < 0.1)
+        before = float(world.state.ego[c.EGO_V])
+        world.tick(Control(throttle=throttle, steer=min(max(steer, -1.0), 1.0), brake=brake))
+        change = float(world.state.ego[c.EGO_V]) - before
+        assert world.state.ego[c.EGO_FORWARD] == pytest.approx(change / 0.05, abs=1e-12)
 
 
 def test_a_pedestrian_is_hit_once_and_does_not_stop_the_car() -> None:
