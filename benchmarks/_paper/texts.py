@@ -14,6 +14,7 @@ from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS, SHORT
 from _paper.readings import NO_LATENCY, READINGS, SAME, Drives, called_in
 from _paper.results import DrivenAgent, Results
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 __all__ = ["explanations", "patterns_text", "table_text"]
 
@@ -38,6 +39,7 @@ def table_text(results: Results) -> str:
         "segments. The paper drove the original networks in CARLA on 220 routes, without intervals; ours",
         "are compact re-implementations in the embedded world: compare patterns, not levels.",
         *_stop(results),
+        *_other_world(results),
         "",
         "Its failures have two readings, `paper` (its equations) and `released` (its code). These rows are",
         "the same in both, driven once and shown in both:",
@@ -74,6 +76,14 @@ def table_text(results: Results) -> str:
         for reading in READINGS:
             lines += ["", f"Reading `{reading}`:", "", *_agent_table(Drives(results, reading), agent)]
     return "\n".join(lines) + "\n"
+
+
+def _other_world(results: Results) -> list[str]:
+    """Say which world there is today, where the episodes are of another one. Comparisons within them stand."""
+    today = f"{EmbeddedSimulator.name} {EmbeddedSimulator.version}"
+    if results.world["simulator"] == today:
+        return []
+    return [f"Today's world is {today}: the commands beside this table do not give these figures to the digit."]
 
 
 def _stop(results: Results) -> list[str]:
