@@ -40,16 +40,22 @@ Rows = Mapping[str, tuple[Drives, Drives]]
 
 
 def rows_of(older: Results, newer: Results) -> dict[str, Rows]:
-    """Return the rows of every agent of both.
+    """Return the rows that every agent has in both.
 
-    Raises `ComparisonError` where they share no route, seed or agent, and for an agent with other options, weights or
+    Raises `ComparisonError` where they share no route, seed or row, and for an agent with other options, weights or
     stop of standing cars: that is no other world.
     """
     routes = [route for route, facts in older.routes.items() if newer.routes.get(route) == facts]
     seeds = [seed for seed in older.seeds if seed in newer.seeds]
-    agents = [name for name in older.agents if name in newer.agents]
+    agents = [
+        name
+        for name in older.agents
+        if name in newer.agents and older.agents[name].settings.keys() & newer.agents[name].settings
+    ]
     if not (routes and seeds and agents):
-        raise ComparisonError("the files share no route of the same definition, no seed or no agent. Give others.")
+        raise ComparisonError(
+            "the files share no route of the same definition, no seed or no agent under the same setting. Give others."
+        )
     for name in agents:
         first, second = (_identity(world.agents[name]) for world in (older, newer))
         if first != second:
@@ -79,11 +85,14 @@ def _drives(world: Results, agent: str, setting: str, routes: Sequence[str], see
 
 
 def largest_change(rows: Rows) -> str:
-    """Return the largest difference of RD and its setting; "-" without a setting that has its clean drives."""
+    """Return the largest difference of RD and its setting; "-" where no row has one.
+
+    A row has none without its clean drives, and where they have no score: nothing is lost there.
+    """
     changes = [
         (abs(_rd(rows, setting, 1) - _rd(rows, setting, 0)), setting)
         for setting in rows
-        if clean_of(setting) != setting and clean_of(setting) in rows
+        if (clean := clean_of(setting)) != setting and clean in rows and all(any(one.scores) for one in rows[clean])
     ]
     return "{:.3f}, {}".format(*max(changes)) if changes else "-"
 

@@ -53,7 +53,16 @@ def test_what_one_file_lacks_is_left_out(tmp_path: Path) -> None:
     assert rows(done.stdout)["tcp"] == ["3", "0", "71.67 -> 71.67", "0", "-"]
 
 
-@pytest.mark.parametrize("changed", ["weights", "stop", "route"])
+def test_nothing_is_lost_where_clean_drives_have_no_score(tmp_path: Path) -> None:
+    older, newer = (report("tcp", {"clean": 1.0, "occlusion 0.5": 0.5}, routes=3) for _ in range(2))
+    newer["fingerprint"]["routes"].update({"201": "another", "301": "another"})  # 101 alone is shared
+    for drives in (older, newer):
+        episode(drives, "101", "clean").update(driving_score=0.0, success=False)
+    done = compared(*saved(tmp_path, older, newer))
+    assert rows(done.stdout)["tcp"] == ["2", "0", "23.75 -> 23.75", "0", "-"]
+
+
+@pytest.mark.parametrize("changed", ["weights", "stop", "route", "setting"])
 def test_other_drives_are_refused(tmp_path: Path, changed: str) -> None:
     older, newer = report("tcp", ALIKE), report("tcp", ALIKE)
     if changed == "weights":
@@ -62,9 +71,12 @@ def test_other_drives_are_refused(tmp_path: Path, changed: str) -> None:
     elif changed == "stop":
         newer["settings"]["stuck_stop_s"] = 45.0
         said = "tcp was driven as tcp (weights bb, stopped after 30.0 s) and as tcp (weights bb, stopped after 45.0 s)"
+    elif changed == "setting":
+        older, newer = report("tcp", {"clean": 1.0}), report("tcp", {"0 ms latency (reading=released)": 1.0})
+        said = "no agent under the same setting"
     else:
         newer["fingerprint"]["routes"] = dict.fromkeys(newer["fingerprint"]["routes"], "another")
-        said = "the files share no route of the same definition, no seed or no agent"
+        said = "the files share no route of the same definition"
     done = compared(*saved(tmp_path, older, newer))
     assert (done.returncode, done.stdout) == (1, "")
     assert said in done.stderr
