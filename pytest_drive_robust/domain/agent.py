@@ -40,10 +40,10 @@ class Agent(Protocol):
     * `act_batch(agents: Sequence[Self], observations: Sequence[Observation]) -> Sequence[Control]`, a `staticmethod` or
       `classmethod`: `act` for many agent objects at once, each of them in an episode of its own. `--drive-lockstep`
       uses it when the factory is the class or is annotated to return it. What an episode remembers belongs to its agent
-      object, only weights are shared. The number of agents is the same in every call. A control must depend on its own
-      agent and observation only, to the last bit: this is checked before it is relied on, and an agent that fails is
-      refused. An exception in the place of a control is the fault of that episode alone; one that is raised costs the
-      others a new start.
+      object, only weights are shared. There are 4, 8, 16 and so on agents in a call, or as many as the option says. A
+      control must depend on its own agent and observation only, to the last bit: this is checked before it is relied
+      on, and an agent that fails is refused. An exception in the place of a control is the fault of that episode alone;
+      one that is raised costs the others a new start.
 
     One agent object drives many episodes, one after the other: `reset` must forget everything about the last one.
     """

@@ -97,6 +97,7 @@ class LocalExecutor:
         self._lock = threading.Lock()
         self._idle: list[Driver] = []
         self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
+        self._batches: list[dict[str, Future[EpisodeResult]]] = []
         self._words: list[tuple[str, str]] = []
 
     @property
@@ -115,9 +116,9 @@ class LocalExecutor:
             self._drivers = self._make_drivers(request.episode.agent)
             self._idle += self._drivers
         future: Future[EpisodeResult] = Future()
-        if self._width > 1 and self.together(request.episode.agent) == 1:
-            self._singles.add(future)
         with self._lock:
+            if self._width > 1 and self.together(request.episode.agent) == 1:
+                self._singles.add(future)
             self._waiting.append((request, future))
         if self._pool is not None:
             self._pool.submit(self._drive_in_thread)
@@ -158,6 +159,9 @@ class LocalExecutor:
             except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
                 self._fail(first.episode.agent, taken, error)
                 yield
+            finally:
+                with self._lock:
+                    self._batches = [batch for batch in self._batches if batch is not taken]
 
     def _first(self) -> EpisodeRequest | None:
         """Return what is driven next: one that is driven alone, as no batch grows while it waits, else the oldest."""
@@ -171,11 +175,16 @@ class LocalExecutor:
         """Drive `first`, with others of its agent where it shares. `taken` are those without a result yet, by key."""
         agent = first.episode.agent
         width = self._width if self.together(agent) > 1 else None
+        if width is not None:
+            with self._lock:
+                self._batches.append(taken)
 
         def take() -> EpisodeRequest | None:
             with self._lock:
                 if width is not None and any(future in self._singles for _, future in self._waiting):
                     return None  # a batch that never ends would keep them waiting
+                if width is not None and len(taken) >= self._share():
+                    return None
                 for number, (request, future) in enumerate(self._waiting):
                     if request.episode.agent == agent:
                         del self._waiting[number]
@@ -199,6 +208,12 @@ class LocalExecutor:
                 found = error
             self._end(driver, taken.pop(request.key), found)
             yield
+
+    def _share(self) -> int:
+        """Return how many episodes a batch may hold, so that none holds eight while other drivers have nothing."""
+        alone = sum(not future.done() for future in self._singles)
+        unfinished = len(self._waiting) + sum(map(len, self._batches))
+        return -(-unfinished // max(1, self._workers - alone))
 
     def _end(self, driver: Driver, future: Future[EpisodeResult], result: EpisodeResult | UsageError) -> None:
         """Give somebody who waits a result; keep what a broken episode printed, for people."""

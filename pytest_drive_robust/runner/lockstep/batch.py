@@ -1,4 +1,4 @@
-"""A batch of fixed size: the episodes that ask in this tick, and stand-ins for the rest; and who may be driven so.
+"""A batch of a size that was checked: the episodes that ask in this tick, and stand-ins; and who may be driven so.
 
 An agent may whose `act_batch` gives the same bits in any company, with its own network on this machine.
 """
@@ -32,15 +32,21 @@ _ADVICE = (
 )
 
 
-class Batch:
-    """Asks in batches of one size. Rows that nobody needs are filled by stand-ins.
+def sizes(width: int) -> tuple[int, ...]:
+    """Return the sizes of the batches that hold up to `width` episodes: 4, 8, 16 and so on, and `width` itself."""
+    return (*(ROWS << doubled for doubled in range((width // ROWS - 1).bit_length())), width)
 
-    A stand-in is an agent object of its own that follows one of the episodes, reset like that one's agent and given
-    the same observations. Its answers are thrown away.
+
+class Batch:
+    """Asks in the smallest of the `sizes` that holds who asks. Rows that nobody needs are filled by stand-ins.
+
+    The last episode of a run would else pay for seven more rows in every tick. A stand-in is an agent object of its own
+    that follows one of the episodes, reset like that one's agent and given the same observations. Its answers are
+    thrown away.
     """
 
     def __init__(self, width: int, take_agent: Callable[[], Agent], watch: Watch) -> None:
-        self._width = width
+        self._sizes = sizes(width)
         self._take_agent = take_agent
         self._watch = watch
         self._stand_ins: list[tuple[Agent, RunningEpisode | None]] = []  # and whom each follows
@@ -51,7 +57,7 @@ class Batch:
         try:
             self._watch.phase("reset", tick)
             rows = [(episode.agent, given) for episode, given in asked]
-            rows += [self._stand_in(number, asked) for number in range(self._width - len(asked))]
+            rows += [self._stand_in(number, asked) for number in range(self._size(len(asked)) - len(asked))]
             agents, observations = tuple(agent for agent, _ in rows), tuple(given for _, given in rows)
             self._watch.phase("act", tick)
             started_s = time.perf_counter()
@@ -68,6 +74,9 @@ class Batch:
         """Return the agent objects that stood in, for other uses."""
         stand_ins, self._stand_ins = self._stand_ins, []
         return [agent for agent, _ in stand_ins]
+
+    def _size(self, asking: int) -> int:
+        return next(size for size in self._sizes if size >= asking)
 
     def _stand_in(self, number: int, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[Agent, Observation]:
         if number == len(self._stand_ins):
@@ -100,7 +109,7 @@ def admit(
     recording = record(world, make_agent(), request, watch=watch)
     if recording is None:
         return False
-    problem = check_lockstep(make_agent, [recording], sorted({ROWS, WIDTH, 2 * WIDTH, width}), watch=watch)
+    problem = check_lockstep(make_agent, [recording], sorted({*sizes(2 * WIDTH), *sizes(width)}), watch=watch)
     if problem is None:
         return True
     raise UsageError(

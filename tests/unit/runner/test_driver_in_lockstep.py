@@ -119,21 +119,38 @@ def test_a_batch_with_too_few_answers_is_the_agents_fault() -> None:
 
     (result,) = drive_together(world, Short, [task()])
     assert result.outcome is Outcome.AGENT_ERROR
-    assert result.end_detail == "act_batch returned 3 answers for 8 agents, expected one Control for each"
+    assert result.end_detail == "act_batch returned 3 answers for 4 agents, expected one Control for each"
 
 
-def test_every_batch_has_the_same_number_of_different_agents() -> None:
-    sizes: Counter[tuple[int, int]] = Counter()
+@pytest.mark.parametrize(("width", "sizes"), [(4, {4}), (8, {4, 8}), (12, {4, 8, 12}), (16, {4, 8, 16})])
+def test_a_batch_has_one_of_a_few_sizes_and_no_agent_twice(width: int, sizes: set[int]) -> None:
+    seen: Counter[tuple[int, int]] = Counter()
 
     class Counting(Net):
         @classmethod
         def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
-            sizes[len(agents), len({id(agent) for agent in agents})] += 1
+            seen[len(agents), len({id(agent) for agent in agents})] += 1
             return super().act_batch(agents, observations)
 
     hold = task(setting="200 ms latency (mode=hold)")
-    drive_together(world, Counting, [hold, *(task(metres=4.0 + seed, seed=seed) for seed in range(11))])
-    assert set(sizes) == {(8, 8)}
+    drive_together(world, Counting, [hold, *(task(metres=4.0 + seed, seed=seed) for seed in range(17))], width=width)
+    assert set(seen) == {(size, size) for size in sizes}
+
+
+def test_the_last_episodes_pay_for_no_more_rows_than_they_need() -> None:
+    asked: list[int] = []
+
+    class Counting(Net):
+        @classmethod
+        def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
+            asked.append(len(agents))
+            return super().act_batch(agents, observations)
+
+    short = [task(metres=3.0, seed=seed) for seed in range(7)]
+    drive_together(world, Counting, [task(metres=20.0), *short], width=8)
+    ticks = Counter(asked)
+    assert asked == sorted(asked, reverse=True)
+    assert ticks[4] > ticks[8] > 0
 
 
 def test_a_stand_in_that_breaks_costs_nobody_an_error() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from threading import Event as Gate
 
 import pytest
 from lockstep_agents import Net, bits, drive_together, task
@@ -13,7 +16,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
-from pytest_drive_robust.runner.executors import InlineExecutor
+from pytest_drive_robust.runner.executors import InlineExecutor, LocalExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -149,3 +152,53 @@ def test_an_agent_without_act_batch_takes_the_place_of_a_batch_until_it_is_colle
     assert driving.slots == 4
     driving.close()
     driving.close()
+
+
+class Holding:
+    """A driver that takes what it is given, and ends nothing before the gate is opened."""
+
+    output = ""
+
+    def __init__(self, gate: Gate, result: EpisodeResult) -> None:
+        self.gate, self.result = gate, result
+        self.live: list[EpisodeRequest] = []
+        self.alone = False
+
+    def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
+        self.alone = True
+        assert self.gate.wait(timeout=60.0)
+        return self.result
+
+    def drive_batch(
+        self, agent: str, take: Callable[[], EpisodeRequest | None], width: int
+    ) -> Iterator[tuple[EpisodeRequest, EpisodeResult]]:
+        while not self.gate.is_set():
+            while len(self.live) < width and (request := take()) is not None:
+                self.live.append(request)
+            time.sleep(0.001)
+        while self.live or (request := take()) is not None:
+            yield (self.live.pop() if self.live else request), self.result
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("agents", "most"),
+    [(["net"] * 3, 1), (["net"] * 6, 2), (["net"] * 7, 3), (["net"] * 24, 8), (["alone", *["net"] * 6], 3)],
+)
+def test_no_driver_is_idle_while_another_one_holds_a_batch(registry: Registry, agents: list[str], most: int) -> None:
+    gate = Gate()
+    (result,) = drive(executor(registry), [keyed(0)])
+    drivers = [Holding(gate, result) for _ in range(3)]
+    driving = LocalExecutor(lambda agent: drivers, threads=3, width=8, shares=lambda agent: agent == "net")
+    futures = [driving.submit(keyed(number, agent)) for number, agent in enumerate(agents)]
+    try:
+        patience_s = time.monotonic() + 60.0
+        while sum(len(driver.live) or driver.alone for driver in drivers) < len(agents):
+            assert time.monotonic() < patience_s, [len(driver.live) for driver in drivers]
+            time.sleep(0.001)
+        assert all(driver.alone or 1 <= len(driver.live) <= most for driver in drivers)
+    finally:
+        gate.set()
+        assert [future.result(timeout=60.0) for future in futures] == [result] * len(agents)
+        driving.close()
