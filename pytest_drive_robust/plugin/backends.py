@@ -15,6 +15,7 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RESULTS, RunOptions
+from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor, factory_offers_lockstep
@@ -48,7 +49,7 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
             "--drive-sim bench2drive needs --drive-b2d-root=FOLDER, a checkout of Bench2Drive; "
             "`drive-robust doctor --root FOLDER` says what else is missing."
         )
-    if config.getoption("dist", "no") != "no":
+    if is_controller(config):
         raise UsageError(
             "--drive-sim bench2drive drives from one process: leave -n out; --drive-workers N gives N CARLA servers."
         )

@@ -43,6 +43,10 @@ class DrivingPlugin:
             ]
         return report
 
+    def pytest_runtest_logfinish(self) -> None:
+        """Store what ended meanwhile: the next test may be long and drive nothing, and another worker may wait."""
+        self._campaign.scheduler.collect()
+
     def pytest_unconfigure(self) -> None:
         """Close simulators."""
         self._campaign.scheduler.close()

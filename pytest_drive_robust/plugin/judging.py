@@ -38,6 +38,10 @@ class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-define
     """A requirement that does not hold: the test fails with our message and no traceback."""
 
 
+_UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
+"""What may be raised where a number is asked for."""
+
+
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
 
@@ -162,9 +166,18 @@ class Drive:
         """
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
-            dt_s, reading = self._context.scopes.dt_s, self._reading
-            ladder = ladder_of(perturbation, dt_s=dt_s, levels=levels, reading=reading)
-            bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
+            return self._largest(perturbation, metric=metric, limit=limit, levels=levels)
+
+    def _largest(
+        self,
+        perturbation: Perturbation | type[Perturbation],
+        *,
+        metric: str,
+        limit: float,
+        levels: Iterable[float] | None = None,
+    ) -> Bracket:
+        ladder = ladder_of(perturbation, dt_s=self._context.scopes.dt_s, levels=levels, reading=self._reading)
+        bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
         self._context.campaign.observer(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
         return bracket
@@ -199,7 +212,7 @@ class Drive:
         __tracebackhide__ = True
         try:
             yield
-        except (BudgetSpentError, ComparisonError, UsageError) as error:
+        except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
             raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
 
@@ -225,7 +238,8 @@ class Drive:
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
-        raise BrokenRequirementError(self._text(judgement) + stated, pytrace=False)
+        reach = self._reach(judgement.verdict.requirement)
+        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, pytrace=False)
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
@@ -245,13 +259,17 @@ class Drive:
             routes_spec=self._scope.routes_spec,
             privileged=judgement.privileged,
         )
-        return legible(text + self._reach(judgement.verdict.requirement))
+        return legible(text)
 
     def _reach(self, requirement: Requirement) -> str:
-        """Return how far the agent does get, where a margin was asked for."""
+        """Return how far the agent does get, where a margin was asked for, or why that is not known."""
         if not isinstance(requirement, MarginRequirement):
             return ""
-        return f"\n  {self.largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)}"
+        try:
+            found = self._largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)
+        except _UNJUDGED as error:  # the verdict stands all the same
+            return f"\n  how far the agent gets is not known: {error}"
+        return f"\n  {found}"
 
 
 class DriveContext(NamedTuple):

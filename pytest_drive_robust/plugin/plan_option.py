@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import pytest
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executors import Executor
@@ -17,7 +18,7 @@ from pytest_drive_robust.store.base import EpisodeStore
 
 def check_plan_alone(config: pytest.Config) -> None:
     """Raise `UsageError` where workers collect, so that this process knows no test."""
-    if config.getoption("dist", "no") != "no":
+    if is_controller(config):
         raise UsageError("--drive-plan looks at the tests in one process: leave -n out, or add -n0.")
 
 

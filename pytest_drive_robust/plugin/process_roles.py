@@ -11,5 +11,6 @@ def is_worker(config: pytest.Config) -> bool:
 
 
 def is_controller(config: pytest.Config) -> bool:
-    """Return True where pytest-xdist will hand all tests to workers."""
-    return config.getoption("dist", "no") != "no" and not is_worker(config)
+    """Return True where pytest-xdist will hand all tests to workers: `--dist` alone, as in an ini file, starts none."""
+    distributed = config.getoption("dist", "no") != "no" and bool(config.getoption("tx", None))
+    return distributed and not is_worker(config)

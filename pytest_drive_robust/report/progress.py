@@ -64,8 +64,9 @@ class ProgressState:
             self._driven += 1
         if isinstance(event, (Compiling, Finished)):  # where episodes end, nothing waits for a compiler
             self._compiling = event if isinstance(event, Compiling) and event.done < event.total else None
-        over = self._finished | self._spared
-        completed = [asked for asked in self._open if over.issuperset(asked.keys)]
+        if not isinstance(event, (Asked, Finished, Reused, Spared)):
+            return []
+        completed = [asked for asked in self._open if all(map(self._is_over, asked.keys))]
         self._open = [asked for asked in self._open if asked not in completed]
         return completed
 
@@ -111,6 +112,9 @@ class ProgressState:
             return ""
         done, total = self.compiled
         return f"compiling, {done} of {total} functions done (kept for later runs)"
+
+    def _is_over(self, key: str) -> bool:
+        return key in self._finished or key in self._spared
 
     def _to_drive(self) -> frozenset[str]:
         """Return the episodes that are needed, as far as one can tell, and not finished."""
@@ -167,7 +171,7 @@ class PlainProgress(Progress):
             if self._compiling_s is None or self._clock() - self._compiling_s >= _COMPILING_S:
                 self._compiling_s = self._clock()
                 self._write(self._state.compiling())
-        elif self._state.active and self._clock() - self._written_s >= _HEARTBEAT_S:
+        elif self._clock() - self._written_s >= _HEARTBEAT_S and self._state.active:
             self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
     def _write(self, text: str) -> None:
@@ -193,7 +197,7 @@ class LiveProgress(Progress):
 
     def refresh(self) -> None:
         """Draw, five times a second at most."""
-        if not self._state.active or self._clock() - self._drawn_s < _REDRAW_S:
+        if self._clock() - self._drawn_s < _REDRAW_S or not self._state.active:
             return
         self._drawn_s = self._clock()
         with self._screen() as stream:

@@ -11,7 +11,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import Protocol
 
-from pytest_drive_robust.domain.agent import offers_lockstep
+from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
@@ -98,6 +98,7 @@ class LocalExecutor:
         self._idle: list[Driver] = []
         self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
         self._batches: list[dict[str, Future[EpisodeResult]]] = []
+        self._yielding: dict[str, Future[EpisodeResult]] | None = None
         self._words: list[tuple[str, str]] = []
 
     @property
@@ -160,8 +161,11 @@ class LocalExecutor:
                 self._fail(first.episode.agent, taken, error)
                 yield
             finally:
+                for future in taken.values():  # a test was interrupted, as by a timeout: later ones may drive it anew
+                    future.cancel()
                 with self._lock:
                     self._batches = [batch for batch in self._batches if batch is not taken]
+                    self._yielding = None if self._yielding is taken else self._yielding
 
     def _first(self) -> EpisodeRequest | None:
         """Return what is driven next: one that is driven alone, as no batch grows while it waits, else the oldest."""
@@ -181,14 +185,12 @@ class LocalExecutor:
 
         def take() -> EpisodeRequest | None:
             with self._lock:
-                if width is not None and any(future in self._singles for _, future in self._waiting):
-                    return None  # a batch that never ends would keep them waiting
-                if width is not None and len(taken) >= self._share():
+                if width is not None and (self._yields(agent, taken) or len(taken) >= self._share()):
                     return None
                 for number, (request, future) in enumerate(self._waiting):
                     if request.episode.agent == agent:
-                        del self._waiting[number]
                         taken[request.key] = future
+                        del self._waiting[number]
                         return request
             return None
 
@@ -208,6 +210,18 @@ class LocalExecutor:
                 found = error
             self._end(driver, taken.pop(request.key), found)
             yield
+
+    def _yields(self, agent: str, taken: dict[str, Future[EpisodeResult]]) -> bool:
+        """Return whether a batch takes no more, as an episode that cannot join waits for its driver to be free.
+
+        One batch at a time does: with all of them a single such episode would empty every driver.
+        """
+        first = self._first()
+        if first is None or first.episode.agent == agent:
+            self._yielding = None if self._yielding is taken else self._yielding
+        elif self._yielding is None:
+            self._yielding = taken
+        return self._yielding is taken
 
     def _share(self) -> int:
         """Return how many episodes a batch may hold, so that none holds eight while other drivers have nothing."""
@@ -235,6 +249,7 @@ class LocalExecutor:
             self._waiting = [item for item in self._waiting if item[0].episode.agent != agent]
         for future in (*taken.values(), *lost):
             future.set_exception(error)
+        taken.clear()
 
 
 class InlineExecutor(LocalExecutor):
@@ -254,6 +269,14 @@ class InlineExecutor(LocalExecutor):
     ) -> None:
         from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
         from pytest_drive_robust.runner.episode.loop import Watch
+        from pytest_drive_robust.runner.episode.threads import OneThread
+
+        self._one_thread = one_thread = OneThread()
+
+        def made(name: str) -> Agent:
+            agent = make_agent(registry, name)
+            one_thread.limit()  # also what it loaded
+            return agent
 
         class _Ticks(Watch):
             """Hears of every tick."""
@@ -261,13 +284,15 @@ class InlineExecutor(LocalExecutor):
             def ticked(self, *_: object) -> None:
                 ticked()
 
-        driver = EpisodeDriver(
-            lambda: registry.simulator(simulator, options), lambda name: make_agent(registry, name), watch=_Ticks()
-        )
+        driver = EpisodeDriver(lambda: registry.simulator(simulator, options), made, watch=_Ticks())
         super().__init__(
             lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
         )
         self._simulator = simulator
+
+    def _work(self) -> None:
+        with self._one_thread:
+            super()._work()
 
     @functools.cached_property
     def compiling(self) -> tuple[int, int]:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from itertools import chain
 from typing import NamedTuple, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -97,10 +97,10 @@ class Scheduler:
         Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
         one is missing and nothing new may begin.
         """
-        nearer, farther = iter(ahead), iter(rest)
+        nearer, farther = deque(ahead), deque(rest)
         missing = [request for request in requests if not self._is_finished(request)]
         while True:
-            self._collect()
+            self.collect()
             missing = [request for request in missing if not self._has_come(request)]
             for request in missing:
                 if request.key in self._broken:
@@ -110,10 +110,10 @@ class Scheduler:
             if not self._is_spent():
                 for request in missing:
                     self._begin(request)
-                nearer = self._begin_all(nearer)
-                self._begin_all(iter(tuple(self._later.values())))
+                self._begin_all(nearer)
+                self._begin_all(deque(self._later.values()))
                 if not self._busy and all(self._drives(request.episode.agent) for request in self._later.values()):
-                    farther = self._begin_all(farther)  # else it keeps the compiler from its work
+                    self._begin_all(farther)  # else it keeps the compiler from its work
             elif not any(request.key in self._under_way for request in missing):
                 raise BudgetSpentError(
                     f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(requests)} "
@@ -126,7 +126,7 @@ class Scheduler:
 
         To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
         """
-        self._collect()
+        self.collect()
         for request in () if self._is_spent() else requests:
             if self._busy:
                 break
@@ -134,13 +134,33 @@ class Scheduler:
                 self._begin(request)
         self._wait()
 
+    def collect(self) -> None:
+        """Store what has come to an end since: other processes may wait for it. Returns at once."""
+        for key, (request, future, claim) in tuple(self._under_way.items()):
+            if not future.done():
+                continue
+            del self._under_way[key]
+            try:
+                if future.cancelled():  # the test that drove it in this process was interrupted
+                    continue
+                error = future.exception()
+                if error is not None:
+                    self._broken[key] = error
+                    continue
+                self._store.put(key, future.result())
+                self._seen.add(key)
+            finally:
+                claim.release()
+            self._note_duration(request, future.result().wall_s)
+            self._observer(Finished(key, future.result().wall_s))
+
     def expected_s(self, request: EpisodeRequest) -> float:
         """Return the wall seconds of the longest known drive of the same agent on the same route, 0 for none."""
         return self._longest_s.get((request.episode.agent, request.route.id), 0.0)
 
     def close(self) -> None:
         """Cut off what is under way, give back what was claimed, free the executor."""
-        self._collect()
+        self.collect()
         self._executor.close()
         for drive in self._under_way.values():
             drive.claim.release()
@@ -175,13 +195,14 @@ class Scheduler:
         """Return whether an episode is finished that was not. The disk is looked at for what others drive only."""
         return request.key in self._seen or (request.key in self._elsewhere and self._is_finished(request))
 
-    def _begin_all(self, requests: Iterator[EpisodeRequest]) -> Iterator[EpisodeRequest]:
-        """Begin with `requests` while a slot is free. Return what is left, also what others drive at the moment."""
+    def _begin_all(self, requests: deque[EpisodeRequest]) -> None:
+        """Begin with `requests` while a slot is free. What is left stays, also what others drive at the moment."""
         passed: list[EpisodeRequest] = []  # looked at again: who drives them may be gone then
-        while not self._busy and (nearest := next(requests, None)) is not None:
+        while requests and not self._busy:
+            nearest = requests.popleft()
             if not self._begin(nearest):
                 passed.append(nearest)
-        return chain(passed, requests)
+        requests.extendleft(reversed(passed))
 
     def _begin(self, request: EpisodeRequest) -> bool:
         """Begin this episode where a slot is free and nobody has it.
@@ -212,24 +233,6 @@ class Scheduler:
             claim.release()
             raise
         return True
-
-    def _collect(self) -> None:
-        """Store what has come to an end."""
-        for key, (request, future, claim) in tuple(self._under_way.items()):
-            if not future.done():
-                continue
-            del self._under_way[key]
-            try:
-                error = future.exception()
-                if error is not None:
-                    self._broken[key] = error
-                    continue
-                self._store.put(key, future.result())
-                self._seen.add(key)
-            finally:
-                claim.release()
-            self._note_duration(request, future.result().wall_s)
-            self._observer(Finished(key, future.result().wall_s))
 
     def _wait(self) -> None:
         """Wait until something ended, but not long."""

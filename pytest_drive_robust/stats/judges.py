@@ -317,6 +317,8 @@ def _usual_routes(forms: LinearForms, needed: float) -> float:
         slack = forms.slack(kept * reference, reference)
     else:
         slack = forms.slack(forms.base) + min(_USUAL_DISTANCE * span, forms.most)
+    if slack <= 0.0:  # not even the best scores would meet the limit
+        return math.inf
     return math.log(len(BETS) * needed) / math.log1p(max(BETS) * slack / forms.least)
 
 

@@ -30,6 +30,8 @@ ANY_TICK_S = 0.05
 """Any will do where a ladder is built for its field and unit, not for its steps."""
 
 _SCORE_RANGE = 100.0
+_ROUNDING = 1e-9
+"""Of the range of a metric: 1 - 70 / 100 is 0.30000000000000004, which meets a limit of 0.30 under every rule."""
 _COMPARISONS = ("<=", ">=")
 
 
@@ -125,8 +127,9 @@ class Requirement:
         return self.metric.needs_clean
 
     def is_met_by(self, value: float) -> bool:
-        """Return True when `value` is on the right side of the limit or equal to it."""
-        return value <= self.limit if self.comparison == "<=" else value >= self.limit
+        """Return True when `value` is on the right side of the limit or equal to it, but for rounding."""
+        rounding = _ROUNDING * self._range
+        return value <= self.limit + rounding if self.comparison == "<=" else value >= self.limit - rounding
 
     def reads_routes(self, verdict_rule: VerdictRule) -> bool:
         """Return True when the verdict is read route by route; a user's function over all episodes cannot be."""

@@ -270,3 +270,7 @@ def test_it(drive):
     result = run(folder, "--drive-json", "reports/run.json")
     assert result.ret == 1
     result.stdout.fnmatch_lines(["ERROR: *run.json was not written: *"])
+
+
+def test_a_mode_of_distribution_without_workers_drives_here(suite):
+    run(suite("DS under clean >= 1"), "--dist", "loadfile").assert_outcomes(passed=1)

@@ -98,3 +98,13 @@ def test_two_workers_find_the_same_bracket(suite):
     alone, shared = found
     assert alone
     assert sorted(shared, key=str) == sorted(alone, key=str)
+
+
+def test_a_margin_that_is_not_met_fails_also_where_its_search_cannot_be_finished(suite):
+    run(suite("RD under throttle 0.1 <= 0.99", conftest=LADDER), "--drive-verdict", "point")
+    folder = suite("throttle margin >= 0.1 (RD <= 0.30)", conftest=LADDER)
+    result = run(folder, "--drive-verdict", "point", "--drive-budget", "0.001s")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["RD under throttle 0.1 = *", "  how far the agent gets is not known: the budget of 0.001 s is used up *"]
+    )

@@ -21,17 +21,21 @@ from contextlib import suppress
 from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
+from typing import TypeGuard
 
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """What belongs to the code of a package; weights are named by the agent."""
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
+_LINE = rb"(?:\\\r?\n|[^#\r\n])*"
+"""To the end of a line that may go on after a backslash."""
 _IMPORT = re.compile(
-    rb"^[ \t]*(?:from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]+(?P<names>[^#\r\n]*)"
-    rb"|import[ \t]+(?P<list>[^#\r\n]*))",
+    rb"^[ \t]*(?:from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
+    rb"|import[ \t]+(?P<list>" + _LINE + rb"))",
     re.MULTILINE,
 )
+_COMMENT = re.compile(rb"#[^\r\n]*")
 
 
 class UnknownSourceError(Exception):
@@ -232,7 +236,8 @@ class _Walk:
 def _imports(content: bytes) -> Iterator[str]:
     """Yield the dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
     for match in _IMPORT.finditer(content):
-        words = (match["names"] or match["list"]).decode(errors="replace").strip(" \t()\\").split(",")
+        named = _COMMENT.sub(b"", match["names"] or match["list"] or b"").decode(errors="replace")
+        words = re.sub(r"[()\\]", " ", named).split(",")
         names = [word.split()[0] for word in words if word.split()]
         if match["list"] is not None:
             yield from names
@@ -252,9 +257,21 @@ def _content_digest(path: Path, content: bytes) -> str:
 def _without_tests(content: bytes) -> bytes:
     with suppress(SyntaxError, ValueError):
         tree = ast.parse(content)
-        tree.body = [part for part in tree.body if not str(getattr(part, "name", "")).lower().startswith("test")]
+        tests = {part.name: part for part in tree.body if _is_test(part)}
+        kept = [part for part in tree.body if part not in tests.values()]
+        for part in kept:  # what is called by what stays is no test, whatever its name
+            used = {node.id for node in ast.walk(part) if isinstance(node, ast.Name)}
+            kept += [tests.pop(name) for name in sorted(used & tests.keys())]
+        tree.body = [part for part in tree.body if part in kept]
         return ast.dump(tree).encode(errors="surrogatepass")
     return content
+
+
+def _is_test(part: ast.stmt) -> TypeGuard[ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef]:
+    """Return whether a statement defines a function named as a test, or a class of tests: an agent has none."""
+    if isinstance(part, ast.ClassDef):
+        return part.name.startswith("Test") and any(_is_test(inner) for inner in part.body)
+    return isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef)) and part.name.startswith("test")
 
 
 def _package_folder(file: Path, module: str) -> Path | None:

@@ -55,6 +55,7 @@ def registry() -> Registry:
     made.clear()
     registry = Registry()
     registry.register_agent("net", Net)
+    registry.register_agent("net too", Net)
     registry.register_agent("unmakable", Unmakable)
     registry.register_agent("alone", lambda: ScriptedAgent([Control(throttle=1.0)]))
     registry.register_simulator("world", world)
@@ -202,3 +203,46 @@ def test_no_driver_is_idle_while_another_one_holds_a_batch(registry: Registry, a
         gate.set()
         assert [future.result(timeout=60.0) for future in futures] == [result] * len(agents)
         driving.close()
+
+
+def test_a_batch_that_could_go_on_for_ever_makes_room_for_another_agent(registry: Registry) -> None:
+    driving = executor(registry)
+    assert driving.work is not None
+    many = [driving.submit(keyed(number)) for number in range(3)]
+    other = driving.submit(keyed(20, "net too"))
+    while not other.done():
+        driving.work()
+        assert len(many) < 40
+        if sum(not future.done() for future in (*many, other)) < driving.slots:
+            many.append(driving.submit(keyed(len(many))))
+    finish(driving, many)
+
+
+@pytest.mark.parametrize("agent", ["net", "alone"])
+def test_after_a_test_that_was_interrupted_others_are_driven(registry: Registry, agent: str) -> None:
+    raises = [True]
+
+    class Interrupted(BaseException):
+        """As a test that took too long is stopped."""
+
+    def interrupting(options: SimulatorOptions) -> FakeSimulator:
+        made = FakeSimulator(SimulatorOptions(tick_cap=150))
+        step = made.step
+
+        def stepped(control: Control) -> None:
+            if raises and raises.pop():
+                raise Interrupted
+            step(control)
+
+        made.step = stepped  # type: ignore[method-assign]
+        return made
+
+    registry.register_simulator("interrupting", interrupting)
+    store = MemoryStore()
+    scheduler = Scheduler(store, executor(registry, "interrupting"), Heard())
+    with pytest.raises(Interrupted):
+        scheduler.ensure([keyed(0, agent)])
+    scheduler.ensure([keyed(1, agent)])
+    scheduler.ensure([keyed(0, agent)])
+    assert all(store.get(keyed(number, agent).key) is not None for number in (0, 1))
+    scheduler.close()

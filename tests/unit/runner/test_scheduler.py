@@ -198,6 +198,22 @@ def test_after_the_budget_nothing_begins_but_what_is_under_way_ends():
     scheduler.ensure(TASKS[:2])  # what is there can still be read
 
 
+def test_what_was_begun_ahead_is_stored_without_being_asked_for():
+    class OldestFirst(Diary):
+        def ticked(self) -> None:
+            self.hands.finish(next(iter(self.hands.open)))
+
+    hands, store = Hands(), MemoryStore()
+    scheduler = Scheduler(store, hands, OldestFirst(hands))
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:])
+    ahead = next(task for task in TASKS if task.route.id in hands.open)
+    hands.finish(ahead.route.id)
+    scheduler.collect()
+    assert store.get(ahead.key) is not None
+    assert store.claim(ahead.key) is not None
+    scheduler.close()
+
+
 def test_closing_gives_back_what_was_claimed():
     store = MemoryStore()
     released: list[str] = []

@@ -381,3 +381,8 @@ def test_the_last_look_needs_no_scipy() -> None:
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert shown.stdout.split() == ["False"]
+
+
+@pytest.mark.parametrize("limit", [-0.05, -0.10, -0.15])
+def test_how_many_routes_a_limit_takes_that_scores_hardly_reach_is_all_of_them(limit: float) -> None:
+    assert judge_by("evidence", degradation_forms(limit), planned=60).likely_left(60) == 60

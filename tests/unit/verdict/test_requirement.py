@@ -94,6 +94,8 @@ def test_a_value_on_the_limit_meets_the_requirement() -> None:
 
     assert [at_most.is_met_by(value) for value in (0.29, 0.3, 0.31)] == [True, True, False]
     assert [at_least.is_met_by(value) for value in (0.29, 0.3, 0.31)] == [False, True, True]
+    assert all((requirement("RD", LATE) <= limit / 100).is_met_by(1.0 - (100 - limit) / 100) for limit in range(1, 100))
+    assert not at_most.is_met_by(0.3 + 1e-6)
     assert not at_most.is_met_by(math.nan)
     assert not at_least.is_met_by(math.nan)
 

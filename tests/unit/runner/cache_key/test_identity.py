@@ -118,6 +118,8 @@ def test_a_settings_file_in_the_package_counts_and_what_runs_leave_does_not(modu
         "from helper_mod import LIMIT\n",
         "def late():\n    from helper_mod import (\n        LIMIT,\n    )\n",
         "from helper_space.deep import inner\n",
+        "from helper_space.deep import (\n    inner,  # (what it steers by)\n)\n",
+        "from helper_space.deep import \\\n    inner\n",
         "import helper_space.deep.inner as short\n",
         "import os, helper_mod\n",
         "import helper_pkg\n",
@@ -276,10 +278,26 @@ def test_a_factory_object_counts_with_its_state():
     assert code_of(one.make) == code_of(same.make) != code_of(other.make)
 
 
+TESTS = "class TestMore:\n    def test_it(self): pass\n"
+
+
+@pytest.mark.parametrize("name", ["Agent", "TestAgent", "testing_agent"])
+def test_an_agent_beside_tests_counts_whatever_its_name(module, name):
+    class_of = "def test_gain(): return 1.0\n" + AGENT.replace("Agent", name).replace("1.0", "test_gain()")
+    assert "test_gain()" in class_of
+    made = [getattr(module("test_suite_of_mine", text), name) for text in (class_of, class_of.replace("1.0", "2.0"))]
+    assert made
+    first, second = (
+        identity_with(getattr(module("test_suite_of_mine", class_of.replace("1.0", gain)), name))
+        for gain in ("1.0", "2.0")
+    )
+    assert first != second
+
+
 @pytest.mark.parametrize(("name", "counts"), [("test_suite_of_mine", False), ("agents_of_mine", True)])
 def test_renaming_a_test_beside_an_agent_drives_nothing_again(module, name, counts):
     first = identity_with(module(name, AGENT + "def test_one(): pass\n").Agent)
-    second = identity_with(module(name, AGENT + "def test_two(): pass\nclass TestMore: pass\n").Agent)
+    second = identity_with(module(name, AGENT + "def test_two(): pass\n" + TESTS).Agent)
     assert (first != second) is counts
     assert identity_with(module(name, AGENT.replace("1.0", "2.0")).Agent) not in (first, second)
 
