@@ -12,7 +12,7 @@ from pytest_drive_robust.regression.baselines import Blessing, bless
 
 _DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
 the bit on any machine, with any version of Python and of libraries that we allow, for agents that promise it
-(classical, constant, expert, random, reactive). What other agents compute depends on the processor and on those
+(blind, classical, constant, expert, random, reactive). What other agents compute depends on the processor and on those
 versions: bless them on the kind of machine on which they are compared."""
 
 

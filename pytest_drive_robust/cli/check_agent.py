@@ -19,7 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     add_pytest_option(parser, "--sim")
-    parser.add_argument("--routes", metavar="SET", help="a set (full, dev10), a file, or FILE:id,id")
+    parser.add_argument("--routes", metavar="SET", help="a set (full, one-per-scenario, dev10), a file, or FILE:id,id")
     parser.set_defaults(command=_check_agent)
 
 

@@ -18,9 +18,9 @@ from pytest_drive_robust.regression.references import References, home_of
 from pytest_drive_robust.report.comparison import comparison_text
 
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
-the embedded world, for agents that promise the same bits everywhere (classical, constant, expert, random, reactive).
-What other agents compute depends on the processor and on versions: their records tell both, and the comparison says
-where they differ."""
+the embedded world, for agents that promise the same bits everywhere (blind, classical, constant, expert, random,
+reactive). What other agents compute depends on the processor and on versions: their records tell both, and the
+comparison says where they differ."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -39,8 +39,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
     parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
-    parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; a new one for bench2drive")
-    parser.add_argument("--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}")
+    parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; bench2drive needs a new one")
+    parser.add_argument(
+        "--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}; default: {_OFFICIAL}"
+    )
     for name, of in (("agent", "of this agent"), ("setting", "under this setting"), ("route", "on this route")):
         parser.add_argument(f"--{name}", metavar=name.upper(), help=f"only episodes {of}")
     parser.add_argument("--seed", type=int, help="only episodes with this seed")
@@ -61,7 +63,10 @@ def _export(options: argparse.Namespace) -> int:
     if options.format != _OFFICIAL:
         return _write(options, chosen)
     if options.folder is None or any(value is not None for value in chosen.values()):
-        raise UsageError("--format bench2drive writes the whole run to a new folder: give DIR, and no episodes.")
+        raise UsageError(
+            f"--format is {_OFFICIAL} (the default), which writes the whole run to a new folder: give DIR and leave "
+            f"out --agent, --setting, --route and --seed, or choose another format: {', '.join(_WRITERS)}."
+        )
     return _write_official(options)
 
 

@@ -49,7 +49,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
     parser.add_argument("--seed", type=int, help="default: 0")
     add_pytest_option(parser, "--sim")
-    parser.add_argument("--routes", metavar="SET", help="where ROUTE is from: a set (full, dev10) or a file")
+    parser.add_argument(
+        "--routes", metavar="SET", help="where ROUTE is from: a set (full, one-per-scenario, dev10) or a file"
+    )
     add_pytest_option(parser, "--stuck-stop", help="as --drive-stuck-stop of the run that is replayed")
     parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
     parser.add_argument(

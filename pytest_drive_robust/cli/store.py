@@ -28,7 +28,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     gc = what.add_parser("gc", help="remove what no run will read, and what you name")
     gc.add_argument("--older-than", metavar="TIME", help="also every record written longer ago, as in 30d or 12h")
     gc.add_argument(
-        "--agent", action="append", default=[], metavar="NAME", help="only records of this agent; repeatable"
+        "--agent",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="also every record of this agent, with --older-than the old ones of it only; repeatable",
     )
     gc.add_argument("--dry-run", action="store_true", help="only say what would go")
     gc.set_defaults(command=_gc)

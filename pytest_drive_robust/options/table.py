@@ -40,7 +40,7 @@ _RUN = (
         "--drive-routes",
         "SPEC",
         "one-per-scenario",
-        "full, one-per-scenario, dev10, a route XML file, or route ids as in 101,2301",
+        "full, one-per-scenario, dev10, a route XML file, ids as in 101,2301, or FILE:id,id",
     ),
     Option("--drive-seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
     Option("--drive-sim", "NAME", "embedded", "the simulator, as in gymnasium:merge-v0"),
@@ -59,7 +59,8 @@ _RUN = (
         "--drive-correction",
         "NAME",
         "none",
-        "none: each verdict from evidence is wrong at most alpha of the time; holm: any fail of the whole run is",
+        "none: each verdict from evidence is wrong at most alpha of the time; holm: at most alpha of the time "
+        "the whole run has a wrong fail",
     ),
     Option("--drive-stuck-stop", "SECONDS", "", "end an episode when the ego stood this long; none: never"),
     Option(
@@ -81,7 +82,7 @@ _EXECUTION = (
         "--drive-executor",
         "NAME",
         "auto",
-        "inline (in this process, for debuggers), processes (guarded children), ray; auto: processes, inline with "
+        "inline (in this process, for debuggers), processes (workers of our own), ray; auto: processes, inline with "
         "--pdb, --trace or -s",
     ),
     Option("--drive-workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n"),
@@ -111,13 +112,19 @@ _EXECUTION = (
 )
 
 _REGRESSION = (
-    Option("--drive-save", "NAME", "", "store the run as .drive-robust/runs/NAME.json", bare="auto"),
+    Option(
+        "--drive-save",
+        "NAME",
+        "",
+        "store the run as .drive-robust/runs/NAME.json, with all routes, also those that verdicts do without",
+        bare="auto",
+    ),
     Option(
         "--drive-compare",
         "REF",
         "",
         "judge every setting against a stored run, a JSON file, latest or baseline; "
-        "alone: what was blessed, else the latest run",
+        "alone: what was blessed, else the latest run; drives all routes",
         bare="auto",
     ),
     Option("--drive-fail-on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%"),

@@ -13,7 +13,15 @@ from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run
 
 
 def _save(given: GivenText) -> str:
-    return given.text if given.text in ("", AUTO) else check_run_name(given.text, source=given.flag)
+    """Refuse a folder: `--drive-save suites` takes the one that was meant to be collected."""
+    if given.text in ("", AUTO):
+        return given.text
+    if Path(given.text).is_dir():
+        raise UsageError(
+            f"{given.flag} is {given.text!r}, which is a folder here. If it was meant as a path to collect, put it "
+            f"before {given.flag}; else choose another name for the run, as in {given.flag}=before."
+        )
+    return check_run_name(given.text, source=given.flag)
 
 
 def _allowances(given: GivenText) -> tuple[Allowance, ...]:

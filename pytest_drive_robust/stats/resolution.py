@@ -76,14 +76,14 @@ def advise(
     finest = resolution(routes, noise, alpha=alpha, scale=scale)
     needed = routes_needed(margin, noise, alpha=alpha)
     shown = f"{routes} {'route' if routes == 1 else 'routes'}"
-    wish = f"asked margin {margin:.2f} needs about {math.ceil(needed / 10) * 10} routes"
+    wish = f"the margin of {margin:.2f} takes about {math.ceil(needed / 10) * 10} routes"
     if routes < FEWEST_FOR_T and margin < _COARSE * scale:
         least = f"Give {FEWEST_FOR_T} routes or more, or a margin of {_COARSE * scale:g} or more"
         return Advice("refuse", f"{shown} cannot carry a verdict on {what}; {wish}. {least}.")
     if finest > margin:
-        catches = f"only catch violations larger than {finest:+.2f} {what} ({_POWER:.0%})"
-        text = f"{shown} can {catches if finest < scale else 'catch no violation at all'}; {wish}"
-        return Advice("warn", text)
+        missed = f"where {what} misses it by {finest:.2f} or more ({_POWER:.0%} of the time)"
+        text = f"{shown} show that a limit is broken {missed if finest < scale else 'in no case'}"
+        return Advice("warn", f"{text}; {wish}. Give more routes or a wider margin, or expect inconclusive verdicts")
     if routes < _ACCEPTED:
         text = (
             f"{shown} are few: scores of so few routes can be far from normal. {_ACCEPTED} are better, {_WANTED} good"

@@ -114,7 +114,7 @@ def test_the_ini_file_can_ask_for_it(mixed):
 def test_what_so_many_routes_cannot_show_is_said_once_before_anything_is_driven(mixed, workers):
     result = run(mixed(HOLDS, "DS under 200 ms latency >= 1", "RD under 200 ms latency <= 0.9"), *workers)
     lines = result.stdout.str().splitlines()
-    places = [k for k, line in enumerate(lines) if "24 routes can only catch violations larger than" in line]
+    places = [k for k, line in enumerate(lines) if "24 routes show that a limit is broken where" in line]
     assert len(places) == 1
     ends = [k for k, line in enumerate(lines) if "[100%]" in line]
     assert places[0] < ends[0]

@@ -108,3 +108,11 @@ def test_a_margin_that_is_not_met_fails_also_where_its_search_cannot_be_finished
     result.stdout.fnmatch_lines(
         ["RD under throttle 0.1 = *", "  how far the agent gets is not known: the budget of 0.001 s is used up *"]
     )
+
+
+def test_a_margin_that_stays_open_is_not_searched_for(suite, driven):
+    slow = "\nclass Slow(ScriptedAgent):\n    def __init__(self):\n        super().__init__([Control(throttle=0.1)])\n"
+    folder = suite("throttle margin >= 0.9 (RD <= 0.30)", conftest=LADDER + slow)
+    result = run(folder, "--drive-agent", "conftest:Slow", "--drive-verdict", "point")
+    result.stdout.fnmatch_lines(["*inconclusive*"])
+    assert len(driven()) == 3 * 2

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from pytest_drive_robust import requirements
+from pytest_drive_robust import Setting, requirements
 from pytest_drive_robust.options.run import RunOptions
 
 ROOT = Path(__file__).parents[2]
@@ -116,6 +116,19 @@ def test_every_file_of_limits_asks_for_the_same_settings() -> None:
     assert {"tcp.txt", "tcp_released.txt", "classical.txt", "classical_released.txt"} < set(asked)
     assert {f"{name.removesuffix('.txt')}_released.txt" for name in asked if "_released" not in name} < set(asked)
     assert [name for name in asked if asked[name] != asked["others.txt"]] == []
+
+
+def test_what_is_the_same_in_both_readings_has_the_same_limit() -> None:
+    for file in sorted((ROOT / "suites" / "paper" / "limits").glob("*_released.txt")):
+        paper = list(map(str, requirements(file.with_name(file.name.replace("_released", "")))))
+        released = [(str(item.setting), str(item)) for item in requirements(file)]
+        same = [
+            item
+            for said, item in released
+            if said == "clean" or str(Setting.parse(f"{said} (reading=released)")) == said
+        ]
+        assert len(same) == 7, file.name
+        assert set(same) < set(paper), file.name
 
 
 def test_the_agent_that_is_driven_by_default_is_known_to_the_suite() -> None:

@@ -83,7 +83,7 @@ def test_a_margin_finer_than_the_routes_is_said_before_anything_is_driven(suite)
     thirty_routes(pytester)
     result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence")
     lines = result.stdout.str().splitlines()
-    said = next(k for k, line in enumerate(lines) if "30 routes can only catch violations larger than" in line)
+    said = next(k for k, line in enumerate(lines) if "30 routes show that a limit is broken where" in line)
     assert said < next(k for k, line in enumerate(lines) if line.startswith("test_suite.py"))
 
 

@@ -42,7 +42,10 @@ def test_fewer_than_20_routes_catch_next_to_nothing() -> None:
     assert resolution(19) == pytest.approx(2.0 * (300.0 ** (1.0 / 19.0) - 1.0) / 0.9)
     assert resolution(20) < 0.31 < 0.75 < resolution(19)
     assert resolution(10, 30.0, scale=100.0) > 100.0
-    assert advise(10, 0.30).text == "10 routes can catch no violation at all; asked margin 0.30 needs about 30 routes"
+    assert advise(10, 0.30).text == (
+        "10 routes show that a limit is broken in no case; the margin of 0.30 takes about 30 routes. "
+        "Give more routes or a wider margin, or expect inconclusive verdicts"
+    )
 
 
 def test_three_pairs_that_lose_everything_are_below_the_resolution_and_not_failed() -> None:
@@ -64,7 +67,8 @@ def test_a_margin_finer_than_the_resolution_is_warned_about_in_words() -> None:
 
     assert advice.level == "warn"
     assert advice.text == (
-        "50 routes can only catch violations larger than +0.19 RD (90%); asked margin 0.10 needs about 190 routes"
+        "50 routes show that a limit is broken where RD misses it by 0.19 or more (90% of the time); "
+        "the margin of 0.10 takes about 190 routes. Give more routes or a wider margin, or expect inconclusive verdicts"
     )
 
 
