@@ -50,7 +50,7 @@ def test_parquet_tables_are_read_by_arrow(project, tmp_path):
         (["--format", "csv", "--route", "3902"], "Did you mean '3901'"),
         (["--format", "csv", "--episodes", "a", "--episodes", "b"], "--episodes is given 2 times"),
         ([], "give DIR"),
-        (["somewhere", "--seed", "0"], "give DIR, and no episodes"),
+        (["somewhere", "--seed", "0"], "give DIR and leave out --agent"),
     ],
     ids=str,
 )

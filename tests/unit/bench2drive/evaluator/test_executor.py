@@ -70,7 +70,7 @@ class Config:
     ("execution", "given", "message"),
     [
         (ExecutionOptions(), {}, "needs --drive-b2d-root=FOLDER"),
-        (ExecutionOptions(b2d_root="b2d"), {"dist": "load"}, "leave -n out"),
+        (ExecutionOptions(b2d_root="b2d"), {"dist": "load", "tx": ["popen"]}, "leave -n out"),
         (ExecutionOptions(results="clean=x.json"), {}, "leave --drive-sim bench2drive out"),
     ],
 )
