@@ -26,8 +26,8 @@ def plan_text(
     """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
 
     `likely` are the keys of the episodes that the verdicts probably take, `possible` those that they take at most:
-    some verdicts may come early, some are in. The time rests on the stored episodes, of the same agent where it has
-    any; where there are none it is not known. An episode holds its slot `together(agent)` times its own seconds.
+    some verdicts may come early, some are in. The time rests on the stored episodes of the same agent; of one without
+    any it is not known, as agents differ by a factor of a hundred. An episode holds its slot `together(agent)` times its own seconds.
     """
     counts: dict[tuple[str, str], list[int]] = {}
     walls_s: dict[str, list[float]] = defaultdict(list)
@@ -46,19 +46,19 @@ def plan_text(
     page = Page(colour=colour)
     rows = [(*names, *map(str, numbers)) for names, numbers in counts.items()]
     page.table(("episodes", "stored", "to drive"), rows, setting_width=48, verdicts=False)
-    usual_s = [wall_s for of_agent in walls_s.values() for wall_s in of_agent]
-    held_s = [
-        count * together(agent) * fmean(walls_s[agent] or usual_s) for agent, count in left.items() if usual_s and count
-    ]
+    waiting = {agent: count * together(agent) for agent, count in left.items() if count}
+    held_s = [count * fmean(walls_s[agent]) for agent, count in waiting.items() if walls_s[agent]]
+    unknown = [agent for agent in waiting if not walls_s[agent]]
     most = sum(to_drive for _, _, to_drive in counts.values())
-    return f"{page.text}\n{_sentence(left.total(), most, held_s, slots)}"
+    return f"{page.text}\n{_sentence(left.total(), most, held_s, unknown, slots)}"
 
 
-def _sentence(left: int, most: int, held_s: list[float], slots: int) -> str:
+def _sentence(left: int, most: int, held_s: list[float], unknown: list[str], slots: int) -> str:
     if not most:
         return "Every verdict is in: nothing would be driven."
     driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
     driven = f"{driven if left < most else f'{most} episodes would be driven'}, {slots} at a time"
     if not held_s:
         return f"{driven}; how long that takes shows when the first ones are stored."
-    return f"{driven}, in about {duration_text(fsum(held_s) / slots)}."
+    beside = f" and what those of {' and '.join(unknown)} take, of which none is stored yet" if unknown else ""
+    return f"{driven}, in about {duration_text(fsum(held_s) / slots)}{beside}."

@@ -60,3 +60,21 @@ def test_an_agent_takes_the_time_of_its_own_stored_episodes() -> None:
     both = REQUESTS | slow
     text = plan_text(both.values(), found.get, likely=both, possible=both, slots=1, colour=False)
     assert text.splitlines()[-1] == "30 episodes would be driven, 1 at a time, in about 15 min."
+
+
+def test_an_agent_of_which_nothing_is_stored_is_not_estimated_by_another_one() -> None:
+    slow = Scope("slow", "many", SCOPE.routes, (0,)).plan([WANTED])
+    both, quick = REQUESTS | slow, list(REQUESTS)
+
+    def told(stored: list[str]) -> str:
+        found = {key: replace(make_result(), wall_s=1.0) for key in stored}
+        text = plan_text(both.values(), found.get, likely=both, possible=both, slots=1, colour=False)
+        return text.splitlines()[-1]
+
+    assert (
+        told(quick)
+        == "40 episodes would be driven, 1 at a time; how long that takes shows when the first ones are stored."
+    )
+    assert told(quick[:10]) == (
+        "70 episodes would be driven, 1 at a time, in about 30 s and what those of slow take, of which none is stored yet."
+    )
