@@ -27,7 +27,8 @@ def plan_text(
 
     `likely` are the keys of the episodes that the verdicts probably take, `possible` those that they take at most:
     some verdicts may come early, some are in. The time rests on the stored episodes of the same agent; of one without
-    any it is not known, as agents differ by a factor of a hundred. An episode holds its slot `together(agent)` times its own seconds.
+    any it is not known, as agents differ by a factor of a hundred. An episode holds its slot `together(agent)` times
+    its own seconds.
     """
     counts: dict[tuple[str, str], list[int]] = {}
     walls_s: dict[str, list[float]] = defaultdict(list)

@@ -76,5 +76,6 @@ def test_an_agent_of_which_nothing_is_stored_is_not_estimated_by_another_one() -
         == "40 episodes would be driven, 1 at a time; how long that takes shows when the first ones are stored."
     )
     assert told(quick[:10]) == (
-        "70 episodes would be driven, 1 at a time, in about 30 s and what those of slow take, of which none is stored yet."
+        "70 episodes would be driven, 1 at a time, in about 30 s and what those of slow take, "
+        "of which none is stored yet."
     )
