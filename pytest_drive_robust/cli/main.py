@@ -53,6 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # as before `| head`; what is left is written nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _CUT_OFF
+    except OSError as error:  # of a file that was named; 1 is a verdict of `compare`
+        print(f"drive-robust: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
+        return _USAGE_ERROR
     return code
 
 

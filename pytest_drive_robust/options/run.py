@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields, was_given
 from pytest_drive_robust.options.parsers import (
     one_of,
@@ -71,11 +72,15 @@ class RunOptions:
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> RunOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
-        return cls(
+        options = cls(
             **read_fields(cls, config),
             routes_given=was_given(OPTIONS["--drive-routes"], config),
             reading_given=was_given(OPTIONS["--drive-reading"], config),
         )
+        paths = [path for path in (options.json_path, options.csv_path, options.report_path) if path is not None]
+        if len(set(paths)) < len(paths):
+            raise UsageError("two of --drive-json, --drive-csv and --drive-report name one path. Give each its own.")
+        return options
 
     @property
     def asked_reading(self) -> DriveReading | None:

@@ -42,7 +42,7 @@ class Blessing:
 
 
 class BlessedRoute(NamedTuple):
-    """An accepted score, rounded to three digits, and the id of the blessing that accepted it."""
+    """An accepted score and the id of the blessing that accepted it."""
 
     blessing: str
     score: RouteScore
@@ -232,9 +232,9 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
     broken = [f"{cell.agent} under {cell.setting} on {told}" for cell in run.cells.values() for told in cell.broken]
     if broken:
+        others = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
         raise UsageError(
-            f"{len(broken)} episodes of {run.label} broke in the simulator, first {broken[0]}. Such a run is no "
-            "baseline: drive it again."
+            f"{run.label} is not whole: {broken[0]}{others}. Such a run is no baseline: run its command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")
@@ -256,9 +256,7 @@ def _require_same_routes(old: Baseline, new: Baseline) -> None:
 
 def _baseline(run: Snapshot, agent: str, signature: Blessing) -> Baseline:
     routes = {
-        (score.fingerprint.simulator, setting, route_id): BlessedRoute(
-            signature.date, replace(score, ds=round(score.ds, 3), sr=round(score.sr, 3))
-        )
+        (score.fingerprint.simulator, setting, route_id): BlessedRoute(signature.date, score)
         for (name, setting), cell in run.cells.items()
         if name == agent
         for route_id, score in cell.routes.items()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -57,9 +58,11 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     """Return cells in the order of the summaries."""
     found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
     specs: dict[CellKey, str] = {}
+    undriven: Counter[CellKey] = Counter()
     for row in document["summaries"]:
         found.setdefault((row["agent"], row["setting"]), {})
         specs.setdefault((row["agent"], row["setting"]), row["routes_spec"])
+        undriven[row["agent"], row["setting"]] += row.get("episodes_needed", 0) - row.get("episodes_finished", 0)
     for episode in document["episodes"]:
         of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
         if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
@@ -86,6 +89,8 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
             if (scored := [item for item in items if item["driving_score"] is not None])
         }
         told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
+        if undriven.get(key):
+            told += (f"{undriven[key]} episodes were not driven, as the run ended before",)
         cells[key] = Cell(*key, specs.get(key, ""), scores, told)
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     return Snapshot(label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")

@@ -147,8 +147,9 @@ class References:
     def load_run(self, reference: str) -> Snapshot:
         """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""
         path = Path(reference)
-        if reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
-            raise UsageError(f"{reference!r} is a baseline, expected a run. `drive-robust runs list` shows them.")
+        if reference == AUTO or reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
+            what = "may stand for a baseline" if reference == AUTO else "is a baseline"
+            raise UsageError(f"{reference!r} {what}, expected a run. `drive-robust runs list` shows them.")
         return self.load(reference)
 
     def document(self, reference: str) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ from the start.
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Iterator
@@ -38,6 +39,7 @@ _ROAD, _ROUTE, _ACTOR, _PERSON = (120, 120, 130), (70, 160, 90), (150, 150, 160)
 _LIGHTS = {LightState.GREEN: (47, 158, 68), LightState.YELLOW: (245, 190, 30)}
 _RED = (224, 49, 49)
 _EGO_HEIGHT_M = 1.5
+_LONGEST_NAME = 200  # bytes, of the 255 that a name has on usual disks
 _PLOTTED = ("speed_mps", "forward_mps2", "right_mps2", "yaw_rate_radps", "throttle", "steer", "brake", "progress_m")
 
 
@@ -111,8 +113,12 @@ class Scene:
 
     @property
     def file_name(self) -> str:
-        """The title as the name of a file, without a suffix."""
-        return re.sub(r"[^\w.+-]+", "-", self.title).strip("-")
+        """The title as the name of a file, without a suffix, another one for each title and short enough for a disk."""
+        plain = re.sub(r"[^\w.+-]+", "-", self.title).strip("-")
+        if plain.replace("-", " ") == self.title and len(plain.encode()) <= _LONGEST_NAME:
+            return plain
+        digest = hashlib.blake2b(self.title.encode(), digest_size=4).hexdigest()
+        return f"{plain.encode()[: _LONGEST_NAME - 9].decode(errors='ignore')}-{digest}"
 
     def items(self) -> list[Item]:
         """Return everything in the order of time."""

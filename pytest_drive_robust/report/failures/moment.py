@@ -106,9 +106,11 @@ def _left_at(result: EpisodeResult, road: Road | None) -> int:
 def _stood_from(result: EpisodeResult) -> int | None:
     """Return the tick from which the ego stood until the end, None when it did not stand for long."""
     (speed,) = result.trace.columns("speed_mps")
+    if not len(speed):  # no trace is stored: only the end tells
+        return result.ticks if result.end in (End.BLOCKED, End.STUCK) else None
     moved = np.flatnonzero(speed > _STANDING_MPS)
     last = int(moved[-1]) if len(moved) else 0
-    if result.end is End.TICK_CAP and len(speed) and float(np.mean(speed < _STANDING_MPS)) > 0.5:
+    if result.end is End.TICK_CAP and float(np.mean(speed < _STANDING_MPS)) > 0.5:
         return min(last + 1, result.ticks)  # it crept on now and then
     return last + 1 if (result.ticks - last) * result.dt_s > _STANDING_S else None
 

@@ -49,14 +49,21 @@ def write_pages(
     `films` are videos of `drive-robust replay`, found again by their names (`replay-ROUTE-SETTING.mp4`).
     """
     check_folder(folder, source="the folder of the report")
-    folder.mkdir(parents=True, exist_ok=True)
-    for part in _PARTS:
-        _remove(folder / part)
-    write_whole(folder / MARK, _SAYS)
+    films = tuple(films)
+    inside = [film for film in films if film.resolve().is_relative_to(folder.resolve())]
+    if inside:
+        raise UsageError(f"{str(inside[0])!r} lies in {str(folder)!r}, which is replaced. Move the films elsewhere.")
     table = EpisodeTable()
     maps = RoadMaps(records.simulator)
     try:
-        data = run_data(records, table, maps=maps, comparison=comparison, before=before)
+        try:
+            data = run_data(records, table, maps=maps, comparison=comparison, before=before)
+        except KeyError as error:
+            raise UsageError(f"the run {records.label!r} is damaged: it lacks {error}. Drive it again.") from None
+        folder.mkdir(parents=True, exist_ok=True)
+        for part in _PARTS:
+            _remove(folder / part)
+        write_whole(folder / MARK, _SAYS)
         data["films"] = _copy_films(folder, films)
         (folder / "data").mkdir()
         _write_routes(folder / "data", records, table, maps, [route["id"] for route in data["routes"]])

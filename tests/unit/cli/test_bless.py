@@ -53,7 +53,7 @@ def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 def test_a_run_with_a_broken_simulator_is_not_blessed(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a", crash=True)
     assert main(["bless", "a", "--reason", "why"]) == 4
-    assert "broke in the simulator" in capsys.readouterr().err
+    assert "is not whole" in capsys.readouterr().err
 
 
 def test_a_baseline_is_not_blessed_again(capsys: pytest.CaptureFixture[str]) -> None:
@@ -62,6 +62,8 @@ def test_a_baseline_is_not_blessed_again(capsys: pytest.CaptureFixture[str]) -> 
     for reference in ("baseline", "suites/baselines/driver.json"):
         assert main(["bless", reference, "--reason", "why"]) == 4
         assert "is a baseline, expected a run" in capsys.readouterr().err
+    assert main(["bless", "auto", "--reason", "why"]) == 4
+    assert "'auto' may stand for a baseline, expected a run" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -88,3 +90,23 @@ def test_it_works_as_a_program(home: Path) -> None:
     done = subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_a_run_that_was_cut_short_is_not_blessed_and_worse_than_a_whole_one(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("whole")
+    path = store_run("cut")
+    document = json.loads(path.read_text())
+    (row,) = [row for row in document["summaries"] if row["setting"] == "clean"]
+    row["episodes_finished"] -= 5
+    path.write_text(json.dumps(document))
+    assert main(["bless", "cut", "--reason", "why"]) == 4
+    assert "5 episodes were not driven, as the run ended before" in capsys.readouterr().err
+    assert main(["compare", "whole", "whole"]) == 0
+    assert main(["compare", "whole", "cut"]) == 1
+
+
+def test_a_folder_that_cannot_be_made_is_no_verdict(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    Path("file").touch()
+    assert main(["bless", "a", "--reason", "why", "--baselines", "file/baselines"]) == 4
+    assert "drive-robust: file/baselines: Not a directory." in capsys.readouterr().err

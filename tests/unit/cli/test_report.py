@@ -51,3 +51,24 @@ def test_films_come_along(tmp_path):
     assert main(["report", "one", "--films", "films"]) == 0
     assert data_of(tmp_path / "drive-report")["films"] == ["replay-1-clean.mp4"]
     assert (tmp_path / "drive-report" / "films" / "replay-1-clean.mp4").read_bytes() == b"film"
+
+
+def test_films_in_the_report_that_is_replaced_are_refused_and_stay(tmp_path, capsys):
+    store_run("one")
+    assert main(["report", "one", "--out", "look"]) == 0
+    film = tmp_path / "look" / "films" / "replay-1-clean.mp4"
+    film.parent.mkdir(exist_ok=True)
+    film.write_bytes(b"film")
+    assert main(["report", "one", "--out", "look", "--films", "look/films"]) == 4
+    assert "lies in 'look', which is replaced" in capsys.readouterr().err
+    assert film.read_bytes() == b"film"
+
+
+def test_a_damaged_run_leaves_the_earlier_report(tmp_path, capsys):
+    store_run("one")
+    assert main(["report", "one", "--out", "look"]) == 0
+    path = store_run("two")
+    path.write_text(path.read_text().replace('"verdict"', '"judgement"'))
+    assert main(["report", "two", "--out", "look"]) == 4
+    assert "the run 'two' is damaged: it lacks 'verdict'" in capsys.readouterr().err
+    assert data_of(tmp_path / "look")["label"] == "one"

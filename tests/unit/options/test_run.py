@@ -109,3 +109,8 @@ def test_a_missing_folder_is_refused_with_the_nearest_one(tmp_path):
 def test_the_help_of_the_verdict_option_names_every_rule():
     option = options_of(RunOptions, "verdict_rule")[0]
     assert all(kind in option.help for kind in VERDICT_KINDS)
+
+
+def test_two_files_at_one_path_are_refused():
+    with pytest.raises(UsageError, match="name one path"):
+        RunOptions.from_pytest_config(FakeConfig(drive_json="out.json", drive_csv="out.json"))

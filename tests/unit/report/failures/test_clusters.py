@@ -66,6 +66,11 @@ def hit(second: float = 1.0, **given):
         (crashed_simulation(), "The simulation broke"),
         (make_result(end=End.BLOCKED, trace=trace_of(400)), "Stood still to the end"),
         (make_result(end=End.TICK_CAP, trace=trace_of(400, speed_mps=5.0)), "Ran out of time"),
+        (
+            replace(make_result(end=End.TICK_CAP, trace=trace_of(0)), ticks=400),
+            "Ran out of time",
+        ),  # its trace is not stored any more
+        (replace(make_result(end=End.BLOCKED, trace=trace_of(0)), ticks=400), "Stood still to the end"),
         (make_result(end=End.DEVIATED), "Left its route while following the road"),
         (
             make_result(infractions=[infraction(InfractionKind.OUTSIDE_LANES, share_pct=5.0)]),
