@@ -60,7 +60,7 @@ def read_results(path: Path) -> ResultSet:
     return ResultSet(
         records=tuple(records),
         folder=path.parent if single else path,
-        planned=sum(totals) if len(totals) == len(planned) else None,
+        planned=sum(totals) if len(totals) == len(files) else None,  # nobody knows what a part that died had before it
         skipped=tuple(skipped),
     )
 

@@ -33,11 +33,12 @@ def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Ident]:
     """Yield the episodes of the run before that have a part in a flip, as far as that run holds them."""
     if comparison.refusals:
         return
+    agents = comparison.before.agents
     for cell in comparison.cells:
+        agent = cell.agent if cell.agent in agents else next(iter(agents), "")  # one agent may have a new name
         for flip in cell.flips:
-            for ident in before.results:
-                if ident[1:3] == (cell.setting, flip.before.route_id) and ident[3] in flip.before.seeds:
-                    yield ident
+            idents = ((agent, cell.setting, flip.before.route_id, seed) for seed in flip.before.seeds)
+            yield from (ident for ident in idents if ident in before.results)
 
 
 def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:

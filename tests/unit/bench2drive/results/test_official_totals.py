@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from official_records import FACTORS, document, motion_step, official_totals, record, write
 
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES
+from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.cli.main import main
 
 _RATIOS = st.one_of(st.floats(0, 2000).map(lambda x: round(x, 2)), st.sampled_from(["1e+16", "-5.0", "1000.01", "7."]))
@@ -206,3 +207,13 @@ def test_a_path_without_results_is_one_sentence(tmp_path: Path, capsys: pytest.C
     write(tmp_path / "empty" / "below" / "r.json", document(record()))
     assert main(["score", str(tmp_path / "empty")]) == 4
     assert "below" in capsys.readouterr().err
+
+
+def test_what_a_part_that_died_had_before_it_is_not_known(tmp_path: Path) -> None:
+    for number in (0, 1):
+        write(tmp_path / f"eval_{number}.json", document(record(str(number)), planned=1))
+    assert read_results(tmp_path).planned == 2
+    (tmp_path / "eval_2.json").touch()
+    results = read_results(tmp_path)
+    assert results.planned is None
+    assert [path.name for path in results.skipped] == ["eval_2.json"]
