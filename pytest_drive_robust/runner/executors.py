@@ -165,7 +165,8 @@ class LocalExecutor:
                     future.cancel()
                 with self._lock:
                     self._batches = [batch for batch in self._batches if batch is not taken]
-                    self._yielding = None if self._yielding is taken else self._yielding
+                    if self._yielding is taken:
+                        self._yielding = None
 
     def _first(self) -> EpisodeRequest | None:
         """Return what is driven next: one that is driven alone, as no batch grows while it waits, else the oldest."""
@@ -218,7 +219,8 @@ class LocalExecutor:
         """
         first = self._first()
         if first is None or first.episode.agent == agent:
-            self._yielding = None if self._yielding is taken else self._yielding
+            if self._yielding is taken:
+                self._yielding = None
         elif self._yielding is None:
             self._yielding = taken
         return self._yielding is taken
