@@ -61,6 +61,7 @@ class Classical:
         self._ground, self._lane, self._corridor = GroundModel(), LaneTracker(), Corridor()
         self._rules, self._overtake, self._gap = JunctionRules(), Overtake(), Gap()
         self._yaw_rad = 0.0
+        self._tick: int | None = None
         self._on_road, self._entered, self._go = False, False, False
         self._may_pass, self._shift_m = False, 0.0
         self._integral = 0.0
@@ -76,7 +77,10 @@ class Classical:
         if self._path is None:
             self._path, self._yaw_rad = PlanPath(self._plan, yaw), yaw
         pixels = observation.cameras[CAMERA.name].pixels
-        travelled, turned = speed * _DT_S, math.remainder(yaw - self._yaw_rad, math.tau)
+        ticks = 1 if self._tick is None else max(observation.tick - self._tick, 1)  # more when controls are held
+        self._tick = observation.tick
+        elapsed_s = ticks * _DT_S
+        travelled, turned = speed * elapsed_s, math.remainder(yaw - self._yaw_rad, math.tau)
         self._yaw_rad = yaw
         at = self._path.locate(observation.gps.x_m, observation.gps.y_m)
         junction = self._path.next_junction(at)
@@ -87,13 +91,14 @@ class Classical:
         inside = junction is not None and at > junction.entry_m - 3.0
         bases = self._ground.bases(pixels)
         self._may_pass = self._entered and to_lane_end > _ROAD_TO_PASS_M
-        passing = self._pass(pixels, bases, speed, travelled)
+        passing = self._pass(pixels, bases, speed, ticks)
         self._corridor.update(
-            bases, self._way, travelled, may_dodge=not inside and not passing, no_posts=inside, narrow=passing
-        )
-        rules = self._rules.speed(pixels, bases, junction, at, speed)
+            bases, self._way, travelled, elapsed_s,
+            may_dodge=not inside and not passing, no_posts=inside, narrow=passing,
+        )  # fmt: skip
+        rules = self._rules.speed(pixels, bases, junction, at, speed, elapsed_s)
         target = min(self._road_speed(at, junction), self._obstacle_speed(), rules)
-        return self._control(target, speed)
+        return self._control(target, speed, elapsed_s)
 
     def _correct(
         self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
@@ -117,13 +122,13 @@ class Classical:
             self._shift_m = float(way[6, 1] - course[6, 1])
         return way
 
-    def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, travelled: float) -> bool:
+    def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, ticks: int) -> bool:
         """Move the way to the left of what stands in the lane; true while it is moved."""
         matters = self._overtake.passing or speed < _SLOW_MPS or not self._entered
         along, right = beside(bases if matters else bases[:0], self._way).T
         if not self._entered and not self._go:
-            self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels)
-        self._overtake.update(pixels, along, right, speed_mps=speed, travelled_m=travelled, allowed=self._may_pass)
+            self._go = self._gap.open(along[np.abs(right) < _IN_LANE_M + 0.9], pixels, ticks)
+        self._overtake.update(pixels, along, right, speed_mps=speed, ticks=ticks, allowed=self._may_pass)
         self._way[:, 1] += self._overtake.offsets(len(self._way))
         return self._overtake.offset_m < 0.0
 
@@ -149,13 +154,13 @@ class Classical:
 
     # --- control ---
 
-    def _control(self, target: float, speed: float) -> Control:
+    def _control(self, target: float, speed: float, elapsed_s: float) -> Control:
         ahead, aside = self._aim(min(max(0.5 * speed + 2.5, 3.5), 11.0))
         forward, right = max(ahead, 0.5), aside + self._corridor.aside_m
         curvature = 2.0 * right / (forward * forward + right * right)
         steer = mkz.steer(curvature)
         missing = target - speed
-        self._integral = min(max(self._integral + 0.05 * missing * _DT_S, 0.0), 0.15) if missing < 2.0 else 0.0
+        self._integral = min(max(self._integral + 0.05 * missing * elapsed_s, 0.0), 0.15) if missing < 2.0 else 0.0
         throttle = min(max(0.35 * missing + self._integral, 0.0), 0.8) if missing > -0.3 else 0.0
         brake = min(max(-0.3 * (missing + 0.3), 0.0), 1.0)
         if target < 0.3:

@@ -19,7 +19,7 @@ class RandomControls:
 
     def __init__(self) -> None:
         self._numbers = RandomNumbers((0, 0))
-        self._control = Control()
+        self._control, self._due = Control(), 0
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return no cameras."""
@@ -28,10 +28,12 @@ class RandomControls:
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Start the sequence of this seed."""
         self._numbers = RandomNumbers((seed % 2**64, 0))
+        self._control, self._due = Control(), 0
 
     def act(self, observation: Observation) -> Control:
         """Draw throttle 0..1 and steer -0.3..0.3, and a brake one time in five."""
-        if observation.tick % self.hold_ticks == 0:
+        if observation.tick >= self._due:
+            self._due = (observation.tick // self.hold_ticks + 1) * self.hold_ticks
             throttle, steer, brake = (self._numbers.random() for _ in range(3))
             braking = brake < 0.2
             self._control = Control(

@@ -27,7 +27,6 @@ _DRIFT_MPS = -0.7
 _POST_M = 0.4
 _POST_ROOM_M = 0.8
 _ONCOMING_M = (4.5, 34.0)
-_DT_S = 0.05
 
 
 class Corridor:
@@ -50,6 +49,7 @@ class Corridor:
         bases: Floats,
         path: Floats,
         travelled_m: float,
+        elapsed_s: float,
         *,
         may_dodge: bool,
         no_posts: bool = False,
@@ -57,47 +57,50 @@ class Corridor:
     ) -> None:
         """Compare foreign points (k, 2) with the path (n, 2), a point a metre, both in the vehicle's frame.
 
+        `travelled_m` and `elapsed_s` are what has passed since the last look.
         `no_posts` takes no notice of thin things, `narrow` keeps no room beside the vehicle.
         """
         places = beside(bases, path)
         self.tight, seen, first, edge = _right_edge(places)
-        self._follow_edge(seen, first, edge, travelled_m, may_dodge)
+        self._follow_edge(seen, first, edge, travelled_m, elapsed_s, may_dodge)
         left_m, right_m = (_NARROW_M, _NARROW_M) if narrow else (_LEFT_M, _RIGHT_M)
         if self._passable():
             right_m = min(right_m, self._aside_wanted_m + _BODY_M)
         blocked = _second_blocking(places, min(self.aside_m, 0.0) - left_m, right_m, no_posts)
-        self._remember(blocked, travelled_m)
+        self._remember(blocked, travelled_m, elapsed_s)
 
-    def _follow_edge(self, seen: bool, first: float, edge: float, travelled_m: float, may_dodge: bool) -> None:
+    def _follow_edge(
+        self, seen: bool, first: float, edge: float, travelled_m: float, elapsed_s: float, may_dodge: bool
+    ) -> None:
         """Track the left edge of the first thing to the right of the middle; step aside when it keeps still."""
         self._aside_for_m = max(0.0, self._aside_for_m - travelled_m)
         if seen:
             if abs(edge - self._edge_m) > 1.0:
                 self._edge_m, self._drift_mps, self._edge_s = edge, 0.0, 0.0
-            missed = edge - (self._edge_m + self._drift_mps * _DT_S)
-            self._edge_m += self._drift_mps * _DT_S + 0.3 * missed
-            self._drift_mps += 0.05 * missed / _DT_S
-            self._edge_s += _DT_S
+            missed = edge - (self._edge_m + self._drift_mps * elapsed_s)
+            self._edge_m += self._drift_mps * elapsed_s + 0.3 * missed
+            self._drift_mps += 0.05 * missed / elapsed_s
+            self._edge_s += elapsed_s
             if self._passable() and may_dodge:
                 self._aside_wanted_m = max(-_ASIDE_MOST_M, min(self._edge_m - _RIGHT_M, 0.0))
                 self._aside_for_m = first + _DEPTH_M + _BESIDE_M
         else:
             self._edge_m, self._edge_s = math.inf, 0.0
         wanted = self._aside_wanted_m if self._aside_for_m > 0.0 and may_dodge else 0.0
-        most = _ASIDE_RATE_MPS * _DT_S
+        most = _ASIDE_RATE_MPS * elapsed_s
         self.aside_m += min(max(wanted - self.aside_m, -most), most)
 
     def _passable(self) -> bool:
         room = self._edge_m - _BODY_M > _SQUEEZE_M - _ASIDE_MOST_M
         return room and self._edge_s > _STEADY_S and self._drift_mps > _DRIFT_MPS
 
-    def _remember(self, blocked_m: float, travelled_m: float) -> None:
+    def _remember(self, blocked_m: float, travelled_m: float, elapsed_s: float) -> None:
         """Update the free distance: two columns make an obstacle; one that is lost counts a moment longer."""
         self.free_m -= travelled_m
         if blocked_m < math.inf:
             self.free_m, self._unseen_s = blocked_m, 0.0
             return
-        self._unseen_s += _DT_S
+        self._unseen_s += elapsed_s
         if self._unseen_s > _HOLD_S:
             self.free_m = math.inf
 

@@ -16,6 +16,7 @@ _JUST_S, _NOBODY_S = 1.2, 6.0
 _SLOW_S = 1.6
 """Who takes longer to drive past has others close behind."""
 _DRIFT_M = 0.1
+"""How far somebody moves in a tick who drives."""
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
 """Where the lane to the left is 40 to 100 m ahead, on a straight road."""
 _ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
@@ -35,21 +36,22 @@ class Gap:
         self._scene: NDArray[np.float32] | None = None
         self._moving_px = 0.0
 
-    def open(self, along_m: Floats, pixels: NDArray[np.uint8]) -> bool:
-        """Look at the foreign points of that lane, metres ahead, and at the picture; once a tick while standing."""
+    def open(self, along_m: Floats, pixels: NDArray[np.uint8], ticks: int) -> bool:
+        """Look at the foreign points of that lane, metres ahead, and at the picture, `ticks` after the last look."""
+        elapsed_s = ticks * _DT_S
         ahead = np.sort(along_m[(along_m > 1.0) & (along_m < _LOOK_M)])
         nearest = float(ahead[1]) if len(ahead) >= 2 else math.inf
         moved = nearest - self._nearest_m
         same = math.isfinite(moved) and abs(moved) < _JUMP_M
-        self._drift_m = 0.8 * self._drift_m + 0.2 * moved if same else 0.0
+        self._drift_m = 0.8 * self._drift_m + 0.2 * moved / ticks if same else 0.0
         self._nearest_m = nearest
         if abs(self._drift_m) > _DRIFT_M:
             self._same_way = self._drift_m > 0.0
         if nearest < _PASSED_M:
-            self._near_s = self._near_s + _DT_S if self._since_s < _JUST_S else 0.0
+            self._near_s = self._near_s + elapsed_s if self._since_s < _JUST_S else 0.0
             self._since_s = 0.0
         else:
-            self._since_s += _DT_S
+            self._since_s += elapsed_s
         self._look_far(pixels)
         leaves = nearest > _PASSED_M and self._drift_m > _DRIFT_M
         empty = nearest == math.inf and (self._same_way or self._moving_px < _MOVING_PX)

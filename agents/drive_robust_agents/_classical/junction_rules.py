@@ -17,7 +17,6 @@ __all__ = ["FRONT_M", "JunctionRules"]
 FRONT_M = 2.45
 """From the middle of the vehicle to its front bumper."""
 
-_DT_S = 0.05
 _BRAKE_MPS2 = 2.5
 _LINE_TO_JUNCTION_M = 5.0
 _BEFORE_LIGHT_M, _BEFORE_SIGN_M, _WAIT_BEFORE_M = 1.5, 1.2, 1.0
@@ -39,11 +38,12 @@ class JunctionRules:
 
     def speed(
         self, pixels: NDArray[np.uint8], bases: NDArray[np.float64], junction: Junction | None, at_m: float,
-        speed_mps: float,
+        speed_mps: float, elapsed_s: float,
     ) -> float:  # fmt: skip
         """Return the highest speed that the rules allow, infinity when they do not matter here [m/s].
 
         `bases` (k, 2) are the foreign points of `vision.GroundModel`, `at_m` the place along the path.
+        `elapsed_s` is the time since the last call.
         """
         if junction is not self._junction:
             self._approach(junction)
@@ -51,7 +51,7 @@ class JunctionRules:
             return math.inf
         to_entry_m = junction.entry_m - at_m
         turn = self._left_turn(bases, to_entry_m) if junction.command is RoadOption.LEFT else math.inf
-        return min(turn, self._signals(pixels, to_entry_m, speed_mps))
+        return min(turn, self._signals(pixels, to_entry_m, speed_mps, elapsed_s))
 
     def _left_turn(self, bases: NDArray[np.float64], to_entry_m: float) -> float:
         """Wait before the middle of the junction for a gap; then do not hesitate."""
@@ -62,7 +62,7 @@ class JunctionRules:
         self._committed = self._gap_ticks >= 2 and to_wait_m < 2.5
         return math.inf if self._gap_ticks >= 2 else _stopping(to_wait_m)
 
-    def _signals(self, pixels: NDArray[np.uint8], to_entry_m: float, speed_mps: float) -> float:
+    def _signals(self, pixels: NDArray[np.uint8], to_entry_m: float, speed_mps: float, elapsed_s: float) -> float:
         """Stop before the line while it is red, and once for a stop sign."""
         if not 0.0 <= to_entry_m < _LOOK_FROM_M:
             return math.inf
@@ -73,12 +73,12 @@ class JunctionRules:
         elif seen.red >= _LAMP_PX:
             self._red_s = _RED_LASTS_S
         else:  # hidden by something: it is red until it is seen green
-            self._red_s = max(0.0, self._red_s - _DT_S)
+            self._red_s = max(0.0, self._red_s - elapsed_s)
         self._sign_ticks += seen.sign >= _SIGN_PX and seen.sign > 3 * seen.red
         if self._red_s > 0.0 and to_line_m > -0.5:
             return _stopping(to_line_m - _BEFORE_LIGHT_M)
         if self._sign_ticks >= _SIGN_TICKS and not self._stopped:
-            self._standing_s = self._standing_s + _DT_S if abs(speed_mps) < 0.05 else 0.0
+            self._standing_s = self._standing_s + elapsed_s if abs(speed_mps) < 0.05 else 0.0
             self._stopped = self._standing_s > 0.4 and to_line_m < 3.5
             return _stopping(to_line_m - _BEFORE_SIGN_M)
         return math.inf

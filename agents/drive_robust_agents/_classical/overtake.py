@@ -44,10 +44,14 @@ class Overtake:
         return moved
 
     def update(
-        self, pixels: NDArray[np.uint8], along_m: Floats, right_m: Floats, *, speed_mps: float, travelled_m: float,
+        self, pixels: NDArray[np.uint8], along_m: Floats, right_m: Floats, *, speed_mps: float, ticks: int,
         allowed: bool,
     ) -> None:  # fmt: skip
-        """Decide by the foreign points, metres along the own lane and to its right; not `allowed` near junctions."""
+        """Decide by the foreign points, metres along the own lane and to its right, `ticks` after the last time.
+
+        It is not `allowed` near junctions.
+        """
+        travelled_m = speed_mps * (ticks * _DT_S)
         wanted = -_LANE_M if self.passing else 0.0
         most = _SLOPE * abs(travelled_m)
         self.offset_m += min(max(wanted - self.offset_m, -most), most)
@@ -58,19 +62,19 @@ class Overtake:
             self.passing = allowed and self._clear_m < _BESIDE_M and not self._drives_off(first, travelled_m)
         elif allowed:
             left = along_m[(right_m > _LEFT_LANE_M[0]) & (right_m < _LEFT_LANE_M[1])]
-            self._wait(first, left, pixels, speed_mps)
+            self._wait(first, left, pixels, speed_mps, ticks)
         else:
             self._waited_s = 0.0
 
-    def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float) -> None:
+    def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float, ticks: int) -> None:
         """Wait behind something that does not move either, then for a gap in the lane to the left."""
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         still = still and not _brakes(pixels)
         self._blocked_m = first_m
-        self._waited_s = self._waited_s + _DT_S if still else 0.0
+        self._waited_s = self._waited_s + ticks * _DT_S if still else 0.0
         if not still:
             self._gap = Gap()
-        elif self._gap.open(left_m, pixels) and self._waited_s > _WAIT_S:
+        elif self._gap.open(left_m, pixels, ticks) and self._waited_s > _WAIT_S:
             self.passing, self._clear_m, self._waited_s, self._driven_m = True, 0.0, 0.0, 0.0
 
     def _drives_off(self, first_m: float, travelled_m: float) -> bool:

@@ -28,11 +28,13 @@ WRONG_WAY_JUMP_RAD = math.radians(150.0)
 DEVIATION_M = 30.0
 DEVIATION_SOFT_M = 15.0
 DEVIATION_SHARE = 0.30
+DEVIATION_WINDOW = 6  # the nearest waypoint so far and the next five
 BLOCKED_S = 60.0
 STANDING_MPS = 0.1
 LIGHT_RADIUS_M = 15.0
 STOP_RADIUS_M = 4.0
 CHECKPOINTS = 20
+LAST_CHECKPOINT_SHARE = 0.95
 TRIGGER_RADIUS_M = 2.0
 YIELD_NEAR_M = 50.0
 YIELD_S = 10.0
@@ -130,9 +132,16 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
-    allowed = world.two_ways == 1 and _scenario_runs(world)
-    if outside or (ints[c.CI_WRONG_WAY] == 1 and not allowed):
+    if outside or (ints[c.CI_WRONG_WAY] == 1 and not _both_ways(world)):
         world.criteria[c.C_OUTSIDE_M] += gained
+
+
+@inner
+def _both_ways(world: WorldArrays) -> bool:
+    """Return whether the scenario allows to drive against the traffic now."""
+    if world.two_ways == c.TWO_WAYS_TO_THE_END:
+        return bool(world.clock[1] >= 0)
+    return world.two_ways == c.TWO_WAYS_WHILE_IT_RUNS and _scenario_runs(world)
 
 
 @inner
@@ -214,6 +223,10 @@ def _stop_signs(world: WorldArrays) -> None:
 def _speed(world: WorldArrays) -> None:
     """Compare the ego's mean speed with that of the background traffic, per twentieth of the route: the efficiency."""
     criteria, ints = world.criteria, world.criteria_ints
+    s = world.route_s[ints[c.CI_PROGRESS]]
+    if s - criteria[c.C_CHECKPOINT_M] > world.route_s[-1] / CHECKPOINTS:
+        criteria[c.C_CHECKPOINT_M] = s
+        _speed_event(world)  # this tick counts for the next one
     total, count = 0.0, 0
     for i in range(len(world.actors)):
         if world.actor_ints[i, c.I_BACKGROUND] == 1 and world.actor_ints[i, c.I_ACTIVE] == 1:
@@ -223,10 +236,6 @@ def _speed(world: WorldArrays) -> None:
         criteria[c.C_EGO_SUM] += world.ego[c.EGO_V]
         criteria[c.C_TRAFFIC_SUM] += total / count
         ints[c.CI_SAMPLES] += 1
-    s = world.route_s[ints[c.CI_PROGRESS]]
-    if s - criteria[c.C_CHECKPOINT_M] > world.route_s[-1] / CHECKPOINTS:
-        criteria[c.C_CHECKPOINT_M] = s
-        _speed_event(world)
 
 
 @inner
@@ -269,12 +278,17 @@ def _close_yield(world: WorldArrays) -> None:
 
 @inner
 def _off_route_m(world: WorldArrays) -> float:
-    """Return the distance to the nearest of the next five waypoints [m]."""
-    first = world.criteria_ints[c.CI_PROGRESS]
-    best = 1e18
-    for k in range(first, min(first + 5, len(world.route))):
+    """Move on to the nearest waypoint and return the distance to it [m]; count the metres of route gone far from it."""
+    criteria, ints = world.criteria, world.criteria_ints
+    before = ints[c.CI_NEAREST]
+    best, nearest = 1e18, before
+    for k in range(before, min(before + DEVIATION_WINDOW, len(world.route))):
         d = hypot(world.ego[c.EGO_X] - world.route[k, 0], world.ego[c.EGO_Y] - world.route[k, 1])
-        best = min(best, d)
+        if d <= best:
+            best, nearest = d, k
+    if best >= DEVIATION_SOFT_M:
+        criteria[c.C_OFFROUTE_M] += world.route_s[nearest] - world.route_s[before]
+    ints[c.CI_NEAREST] = nearest
     return best
 
 
@@ -282,8 +296,6 @@ def _off_route_m(world: WorldArrays) -> float:
 def _end(world: WorldArrays) -> int:
     ego, criteria, ints = world.ego, world.criteria, world.criteria_ints
     away = _off_route_m(world)
-    if away > DEVIATION_SOFT_M:
-        criteria[c.C_OFFROUTE_M] += ego[c.EGO_V] * world.dt_s
     criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + world.dt_s if ego[c.EGO_V] < STANDING_MPS else 0.0
     last = world.route[-1]
     done_pct = 100.0 * world.route_s[ints[c.CI_PROGRESS]] / world.route_s[-1]
@@ -318,7 +330,7 @@ def judge(world: WorldArrays) -> None:
 def finish(world: WorldArrays) -> None:
     """Close what is only known at the end: the last speed checkpoint, the emergency vehicle that never got past."""
     share = world.route_s[world.criteria_ints[c.CI_PROGRESS]] / world.route_s[-1]
-    if share > 0.95 and world.criteria_ints[c.CI_SAMPLES] > 0:
+    if share > LAST_CHECKPOINT_SHARE:
         _speed_event(world)
     if world.criteria_ints[c.CI_YIELD_SEEN] == 1:
         _close_yield(world)

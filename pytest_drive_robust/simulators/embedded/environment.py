@@ -46,7 +46,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     * reward: metres of route gained in this tick, minus 10 for each infraction event
     * terminated: the route ended (completed, off the route, blocked); truncated: the tick cap
     * info: `route` its id, `progress_m`, `infractions` how many so far, `end` how it ended or None, `is_success`
-      whether the end was reached without an infraction
+      whether the end was reached without an infraction, metres outside the lanes included
 
     Each `reset` draws a route and a seed for its actors from the environment's own generator, so `reset(seed=...)`
     repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. `routes` are those of
@@ -158,7 +158,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             "progress_m": self._simulator.progress_m,
             "infractions": infractions,
             "end": None if end is None else end.value,
-            "is_success": end is End.COMPLETED and infractions == 0,
+            "is_success": end is End.COMPLETED and not self._simulator.score().infractions,
         }
 
     def _observed(self, observation: Observation) -> Observed:

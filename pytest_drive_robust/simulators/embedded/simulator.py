@@ -43,7 +43,7 @@ class EmbeddedSimulator:
     """
 
     name = "embedded"
-    version = "4"
+    version = "5"
     dt_s = DT_S
     portable_bits = True
 

@@ -43,8 +43,10 @@ C_OUTSIDE_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(5)
 C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(5, 9)
 CRITERIA_COLUMNS = 9
 CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_SAMPLES = range(6)
-CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN = range(6, 11)
-CRITERIA_INTS = 11
+CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN, CI_NEAREST = range(6, 12)
+CRITERIA_INTS = 12
+
+TWO_WAYS_NEVER, TWO_WAYS_WHILE_IT_RUNS, TWO_WAYS_TO_THE_END = range(3)  # values of `Statics.two_ways`
 
 END_NONE, END_COMPLETED, END_DEVIATED, END_BLOCKED, END_TICK_CAP, END_STUCK = range(6)
 
@@ -69,7 +71,7 @@ class Statics(NamedTuple):
     trigger_m: float  # progress at which the scenario starts
     scenario_end_m: float  # progress at which the scenario is over
     blocked_test_off: int  # 1: the blocked test is off while the scenario runs
-    two_ways: int  # 1: driving against the traffic is allowed while the scenario runs
+    two_ways: int  # how long the scenario allows to drive against the traffic: TWO_WAYS_*
     emergency_actor: int  # the actor that must be let past, or -1
     ego_length_m: float
     ego_width_m: float
@@ -107,5 +109,5 @@ class State(NamedTuple):
     flow_ints: Ints2  # (f, 5)
     lights: Ints1  # (stop lines,)
     criteria: Floats1  # (9,)
-    criteria_ints: Ints1  # (11,)
+    criteria_ints: Ints1  # (12,)
     events: Floats2  # (EVENT_CAPACITY, 6)

@@ -20,7 +20,6 @@ from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
 _WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
-_DEVIATION_ROWS = 5
 
 
 class EpisodeCriteria:
@@ -40,6 +39,7 @@ class EpisodeCriteria:
         self._checkpoint_m = 0.0
         self._speeds: list[tuple[float, float]] = []
         self._ratios: list[float] = []
+        self._nearest = 0
         self.row = 0
         self.end: End | None = None
 
@@ -57,7 +57,7 @@ class EpisodeCriteria:
             self._outside_m += gained
         self._efficiency(state)
         self._still_s = self._still_s + dt_s if state.ego.speed_mps < constants.STANDING_MPS else 0.0
-        self.end = self._end(state, dt_s, options)
+        self.end = self._end(state, options)
 
     def score(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
         """Return the criteria of a finished episode, closed."""
@@ -66,7 +66,7 @@ class EpisodeCriteria:
         if end is End.ENVIRONMENT and self._off_road:
             outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
         at_the_end = closing_infractions(end, outside_m=min(outside_m, passed_m), passed_m=passed_m, here=here)
-        if self._speeds and passed_m > 0.95 * self._line.length_m:
+        if passed_m > constants.LAST_CHECKPOINT_SHARE * self._line.length_m:
             self._close_checkpoint()
         stopped = "crashed" if self._crashed else "off the road" if self._off_road else "before the end of the route"
         return EpisodeScore(
@@ -90,9 +90,11 @@ class EpisodeCriteria:
         return float(self._line.s[self.row] - self._line.s[before])
 
     def _collisions(self, state: WorldState) -> None:
-        """Note one collision: highway-env's `crashed` stays true for the rest of the episode."""
+        """Note one collision, unless the ego stood: highway-env's `crashed` stays true for the rest of the episode."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
+            if self._road.speed_before_mps < constants.STANDING_MPS:
+                return
             other = self._road.whom_it_hit()
             kind = ActorKind.BARRIER if other is None else kind_of(other)
             detail = f"hit {kind.name.lower()} at {self._road.speed_before_mps:.1f} m/s"
@@ -118,28 +120,35 @@ class EpisodeCriteria:
 
     def _efficiency(self, state: WorldState) -> None:
         """Compare the ego's mean speed with the traffic's, per twentieth of the route."""
+        if self.progress_m - self._checkpoint_m > self._line.length_m / constants.CHECKPOINTS:
+            self._checkpoint_m = self.progress_m
+            self._close_checkpoint()  # this tick counts for the next one
         vehicles = state.actors[state.actors[:, WorldState.KIND] <= ActorKind.BICYCLE]
         if len(vehicles):
             self._speeds.append((state.ego.speed_mps, float(np.mean(vehicles[:, WorldState.SPEED]))))
-        if self.progress_m - self._checkpoint_m > self._line.length_m / constants.CHECKPOINTS:
-            self._checkpoint_m = self.progress_m
-            self._close_checkpoint()
 
     def _close_checkpoint(self) -> None:
         ego, traffic = (sum(column) for column in zip(*self._speeds, strict=True)) if self._speeds else (0.0, 0.0)
         self._ratios.append(round(100.0 * ego / traffic, 2) if traffic > 0.0 else 100.0)
         self._speeds.clear()
 
-    def _end(self, state: WorldState, dt_s: float, options: SimulatorOptions) -> End | None:
+    def _off_route(self, state: WorldState) -> float:
+        """Move on to the nearest row and return the distance to it [m]; count the metres of route gone far from it."""
+        ahead = self._line.rows[self._nearest : self._nearest + constants.DEVIATION_WINDOW]
+        away = np.hypot(ahead[:, 0] - state.ego.x_m, ahead[:, 1] - state.ego.y_m)
+        best, before = float(np.min(away)), self._nearest
+        self._nearest += int(np.flatnonzero(away == best)[-1])
+        if best >= constants.DEVIATION_SOFT_M:
+            self._off_route_m += float(self._line.s[self._nearest] - self._line.s[before])
+        return best
+
+    def _end(self, state: WorldState, options: SimulatorOptions) -> End | None:
         ego, last = state.ego, self._line.rows[-1]
+        away = self._off_route(state)
         to_go = math.hypot(ego.x_m - last[0], ego.y_m - last[1])
         done = 100.0 * self.progress_m / self._line.length_m > constants.COMPLETE_PCT
         if to_go < constants.COMPLETE_M and not self._crashed and (done or (self._road.ended and not self._off_road)):
             return End.COMPLETED
-        ahead = self._line.rows[self.row : self.row + _DEVIATION_ROWS]
-        away = float(np.min(np.hypot(ahead[:, 0] - ego.x_m, ahead[:, 1] - ego.y_m)))
-        if away > constants.DEVIATION_SOFT_M:
-            self._off_route_m += ego.speed_mps * dt_s
         if away >= constants.DEVIATION_M or self._off_route_m > constants.DEVIATION_SHARE * self._line.length_m:
             return End.DEVIATED
         if self._road.ended:

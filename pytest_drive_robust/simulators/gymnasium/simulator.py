@@ -45,7 +45,7 @@ class GymnasiumSimulator:
     `UsageError` for one that we cannot drive, both with what can be driven.
     """
 
-    version = "1"
+    version = "2"
     dt_s = 1.0 / environments.RATE_HZ
 
     def __init__(self, identifier: str, options: SimulatorOptions | None = None) -> None:

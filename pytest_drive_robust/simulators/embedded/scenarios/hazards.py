@@ -46,10 +46,10 @@ def hazard_at_side_lane(stage: Stage) -> None:
     parameters={"distance": (41.0, 45.0), "bicycle_speed": (6.0, 12.0), "bicycle_drive_distance": (40.0, 80.0)},
     intervals={"frequency": (75.0, 100.0)},
     blocked_test_off=True,
-    two_ways=True,
+    two_ways=c.TWO_WAYS_TO_THE_END,
 )
 def hazard_at_side_lane_two_ways(stage: Stage) -> None:
-    """Two slow bicycles at the edge of the lane; cars come the other way."""
+    """Two slow bicycles at the edge of the lane; cars come the other way, in a lane that stays allowed."""
     parts.oncoming_gaps(stage)
     stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
@@ -59,7 +59,7 @@ def hazard_at_side_lane_two_ways(stage: Stage) -> None:
     parameters={"distance": (37.0, 59.0)},
     intervals={"frequency": (30.0, 98.0)},
     blocked_test_off=True,
-    two_ways=True,
+    two_ways=c.TWO_WAYS_WHILE_IT_RUNS,
 )
 def vehicle_opens_door_two_ways(stage: Stage) -> None:
     """A parked car opens its door when the ego is 3 s or 10 m away; cars come the other way."""

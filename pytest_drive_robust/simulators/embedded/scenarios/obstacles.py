@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
+from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scenarios.parts import ahead, oncoming_gaps, right_hand, side_traffic
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
@@ -78,7 +79,7 @@ def _obstacle(
         parameters={"distance": distance_m} | ({} if speed_kmh is None else {"speed": speed_kmh}),
         intervals={} if oncoming_m is None else {"frequency": oncoming_m},
         blocked_test_off=True,
-        two_ways=oncoming_m is not None,
+        two_ways=c.TWO_WAYS_NEVER if oncoming_m is None else c.TWO_WAYS_WHILE_IT_RUNS,
     )(build)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.state import TWO_WAYS_NEVER
 
 Metres = tuple[float, float]
 """A range from which something is drawn, of metres or of whatever its element holds."""
@@ -16,8 +17,9 @@ class ScenarioType:
     """One of the 44 situations.
 
     `parameters` are the ranges from which the generator draws the XML's parameter elements; elements that hold an
-    interval (`source_dist_interval`, `frequency`) are listed in `intervals`. `blocked_test_off` and `two_ways` are what
-    the scenario does to the criteria while it runs (Bench2Drive `scenario_runner/srunner/scenarios`).
+    interval (`source_dist_interval`, `frequency`) are listed in `intervals`. `blocked_test_off` (while
+    it runs) and `two_ways` (one of `state.TWO_WAYS_*`) are what the scenario does to the criteria (Bench2Drive
+    `scenario_runner/srunner/scenarios`).
     """
 
     name: str
@@ -25,7 +27,7 @@ class ScenarioType:
     parameters: dict[str, Metres]
     intervals: dict[str, Metres]
     blocked_test_off: bool
-    two_ways: bool
+    two_ways: int
 
 
 SCENARIOS: dict[str, ScenarioType] = {}
@@ -39,7 +41,7 @@ def scenario(
     intervals: dict[str, Metres] | None = None,
     flow: tuple[Metres, Metres] | None = None,
     blocked_test_off: bool = False,
-    two_ways: bool = False,
+    two_ways: int = TWO_WAYS_NEVER,
 ) -> Callable[[Callable[[Stage], None]], Callable[[Stage], None]]:
     """Register a builder under its name in the route XML.
 

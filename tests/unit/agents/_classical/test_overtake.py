@@ -14,7 +14,7 @@ _BLOCK = np.array([(8.0, 0.0), (8.0, 0.3)])
 def _stand(overtake: Overtake, image: NDArray[np.uint8], points: NDArray[np.float64] = _BLOCK) -> None:
     """Seven seconds behind points (k, 2), metres along the lane and to its right."""
     for _ in range(140):
-        overtake.update(image, *points.T, speed_mps=0.0, travelled_m=0.0, allowed=True)
+        overtake.update(image, *points.T, speed_mps=0.0, ticks=1, allowed=True)
 
 
 def test_it_goes_around_what_stands_in_its_lane_and_comes_back() -> None:
@@ -24,7 +24,7 @@ def test_it_goes_around_what_stands_in_its_lane_and_comes_back() -> None:
     nothing = np.empty(0)
     offsets = []
     for _ in range(70):
-        overtake.update(road(), nothing, nothing, speed_mps=5.0, travelled_m=0.25, allowed=True)
+        overtake.update(road(), nothing, nothing, speed_mps=5.0, ticks=1, allowed=True)
         offsets.append(overtake.offset_m)
     assert min(offsets) < -3.0
     assert offsets[-1] == 0.0
@@ -46,5 +46,23 @@ def test_it_falls_back_when_what_stood_there_drives_off() -> None:
     _stand(overtake, road())
     for tick in range(20):
         ahead = np.full(2, 8.0 + 0.4 * tick)
-        overtake.update(road(), ahead, np.array([0.0, 0.3]), speed_mps=1.0, travelled_m=0.05, allowed=True)
+        overtake.update(road(), ahead, np.array([0.0, 0.3]), speed_mps=1.0, ticks=1, allowed=True)
     assert not overtake.passing
+
+
+def test_one_look_in_four_ticks_waits_and_moves_aside_for_as_long() -> None:
+    often, seldom = Overtake(), Overtake()
+    begins = []
+    for overtake, ticks in ((often, 1), (seldom, 4)):
+        tick = 0
+        while not overtake.passing:
+            overtake.update(road(), *_BLOCK.T, speed_mps=0.0, ticks=ticks, allowed=True)
+            tick += ticks
+        begins.append(tick)
+    assert abs(begins[0] - begins[1]) <= 4
+    nothing = np.empty(0)
+    for overtake, ticks in ((often, 1), (seldom, 4)):
+        for _ in range(0, 12, ticks):
+            overtake.update(road(), nothing, nothing, speed_mps=5.0, ticks=ticks, allowed=True)
+    assert abs(often.offset_m - seldom.offset_m) < 1e-9
+    assert often.offset_m < -1.0

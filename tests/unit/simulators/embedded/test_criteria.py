@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -32,15 +33,21 @@ def teleport(simulator: EmbeddedSimulator, s_m: float, *, right_m: float = 0.0, 
     ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
 
 
+def emptied(scenario: str) -> EmbeddedSimulator:
+    """Return the start of a route with an empty road: only the criteria are under test."""
+    simulator = EmbeddedSimulator()
+    simulator.reset(BY_TYPE[scenario], seed=0, cameras=())
+    state = simulator.world.state
+    state.actor_ints[:, c.I_ACTIVE] = 0
+    state.flow_ints[:, c.FI_FIRST_SLOT : c.FI_LAST_SLOT + 1] = 0
+    return simulator
+
+
 def glide(
     scenario: str, *, right_m: Callable[[float], float] = lambda s: 0.0, stop_at: float = math.inf
 ) -> EpisodeScore:
     """Move the ego along its route at 8 m/s (standing still once at `stop_at` for one second)."""
-    simulator = EmbeddedSimulator()
-    simulator.reset(BY_TYPE[scenario], seed=0, cameras=())
-    world = simulator.world
-    world.state.actor_ints[:, c.I_ACTIVE] = 0  # an empty road: only the criteria are under test
-    world.state.flow_ints[:, c.FI_FIRST_SLOT : c.FI_LAST_SLOT + 1] = 0
+    simulator = emptied(scenario)
     s, rested = 0.0, 0
     while simulator.done is None:
         standing = s >= stop_at and rested < 20
@@ -102,6 +109,34 @@ def test_the_oncoming_lane_is_outside_unless_the_scenario_allows_it() -> None:
     assert kinds(allowed.infractions) == []
 
 
+def test_beside_bicycles_the_oncoming_lane_stays_allowed_to_the_end() -> None:
+    stays = emptied("HazardAtSideLaneTwoWays").world
+    over_m = stays.statics.scenario_end_m + 1.0
+    assert over_m + 6.0 < stays.dense.length_m
+    assert kinds(glide("HazardAtSideLaneTwoWays", right_m=lambda s: -3.5 if s > over_m else 0.0).infractions) == []
+    over_m = emptied("ParkedObstacleTwoWays").world.statics.scenario_end_m + 1.0
+    late = glide("ParkedObstacleTwoWays", right_m=lambda s: -3.5 if s > over_m else 0.0)
+    assert kinds(late.infractions) == [InfractionKind.OUTSIDE_LANES]
+
+
+def test_metres_of_route_far_from_it_end_it_beyond_thirty_percent() -> None:
+    length_m = emptied("DynamicObjectCrossing").world.dense.length_m
+
+    def far(share: float) -> EpisodeScore:
+        return glide("DynamicObjectCrossing", right_m=lambda s: 16.0 if 20.0 < s < 20.0 + share * length_m else 0.0)
+
+    assert far(0.25).end is End.COMPLETED
+    assert far(0.40).end is End.DEVIATED
+
+
+def test_metres_that_lead_nowhere_are_not_those_of_the_route() -> None:
+    simulator = emptied("DynamicObjectCrossing")
+    for tick in range(400):  # 20 s at 8 m/s, 16 m from the route, to and fro over a metre of it: 160 m of 130
+        teleport(simulator, 30.0 + 0.5 * (tick % 2), right_m=16.0)
+        simulator.step(Control())
+    assert simulator.done is None
+
+
 def test_thirty_metres_from_the_route_ends_it() -> None:
     score = glide("DynamicObjectCrossing", right_m=lambda s: 0.0 if s < 40.0 else 31.0)
     assert score.end is End.DEVIATED
@@ -121,17 +156,32 @@ def test_the_emergency_vehicle_must_get_past_within_ten_seconds() -> None:
 
 
 def test_speed_is_compared_with_the_traffic_at_every_twentieth_of_the_route() -> None:
+    """By the original's order: first the checkpoint, then the tick's speeds, and one more value near the end."""
     simulator = EmbeddedSimulator()
     simulator.reset(BY_TYPE["DynamicObjectCrossing"], seed=0, cameras=())
-    s = 0.0
+    world, s = simulator.world, 0.0
+    step_m, passed_m, mine, theirs = world.dense.length_m / 20.0, 0.0, 0.0, 0.0
+    expected = []
     while simulator.done is None:
         s += 0.4
-        teleport(simulator, s, right_m=0.0, speed_mps=8.0)
-        simulator.world.state.actor_ints[:, c.I_SOLID] = 0
+        teleport(simulator, s, right_m=0.0, speed_mps=8.0 + math.sin(s))
+        world.state.actor_ints[:, c.I_SOLID] = 0
         simulator.step(Control())
+        if simulator.progress_m - passed_m > step_m:
+            expected.append(round(100.0 * mine / theirs, 2))
+            passed_m, mine, theirs = simulator.progress_m, 0.0, 0.0
+        ints = world.state.actor_ints
+        driving = world.state.actors[(ints[:, c.I_BACKGROUND] == 1) & (ints[:, c.I_ACTIVE] == 1), c.A_V]
+        mine, theirs = mine + world.state.ego[c.EGO_V], theirs + driving.mean()
     ratios = simulator.score().speed_ratios_pct
-    assert 15 <= len(ratios) <= 21
-    assert all(ratio > 0.0 for ratio in ratios)
+    assert len(expected) >= 15
+    assert ratios == pytest.approx((*expected, round(100.0 * mine / theirs, 2)), abs=0.02)
+
+
+def test_the_last_value_of_an_empty_road_is_a_hundred() -> None:
+    score = glide("DynamicObjectCrossing")
+    assert set(score.speed_ratios_pct) == {100.0}
+    assert len(score.speed_ratios_pct) >= 16
 
 
 _WANTED = ("SignalizedJunctionLeftTurn", "MergerIntoSlowTraffic", "ParkingExit", "InterurbanActorFlow")

@@ -11,8 +11,11 @@ from gymnasium.utils.env_checker import check_env
 
 import pytest_drive_robust.simulators.gymnasium_ids  # noqa: F401 -- registers the id
 from pytest_drive_robust import CameraSpec
+from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.errors import SimulationError, UnknownNameError
+from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
+from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
 
 CAMERAS = (
@@ -89,6 +92,25 @@ def test_a_collision_costs():
             if terminated:
                 break
     pytest.fail("no route has anything to hit")
+
+
+@pytest.mark.parametrize("right_m", [0.0, 4.0])
+def test_metres_outside_the_lanes_are_no_success(right_m):
+    route = next(each for each in named_routes("full") if each.scenario.type == "ParkedObstacle")
+    env = WorldEnv([route])
+    env.reset(seed=0)
+    world = env._simulator.world
+    world.state.actor_ints[:, c.I_ACTIVE] = 0
+    s_m, over = 0.0, False
+    while not over:
+        s_m += 0.4
+        aside_m = right_m if 20.0 < s_m < 50.0 else 0.0
+        world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]] = place(world.dense.rows[:, :3], s_m, aside_m)
+        world.state.ego[c.EGO_V] = 8.0
+        _, _, over, _, info = env.step(np.zeros(3, np.float32))
+    assert info["end"] == End.COMPLETED.value
+    assert info["infractions"] == 0
+    assert info["is_success"] is (right_m == 0.0)
 
 
 def test_the_same_seed_is_the_same_episode_and_the_same_next_ones():

@@ -27,6 +27,7 @@ from pytest_drive_robust.simulators.embedded.generate import (
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.stage import Stage
+from pytest_drive_robust.simulators.embedded.state import TWO_WAYS_NEVER
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 
 PLAIN = Site("Street", "road.f0", (80.0, 100.0))
@@ -38,7 +39,7 @@ def _staged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., ScenarioType]:
     """Makes a scenario type of a builder and its sites, known while the test runs."""
 
     def make(build: Callable[[Stage], None], *sites: Site) -> ScenarioType:
-        kind = ScenarioType("Tested", build, {}, {}, blocked_test_off=False, two_ways=False)
+        kind = ScenarioType("Tested", build, {}, {}, blocked_test_off=False, two_ways=TWO_WAYS_NEVER)
         monkeypatch.setitem(SCENARIOS, "Tested", kind)
         monkeypatch.setitem(all_sites(), "Tested", sites or (PLAIN,))
         return kind

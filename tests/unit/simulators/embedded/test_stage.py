@@ -35,7 +35,7 @@ def staged(monkeypatch: pytest.MonkeyPatch) -> Callable[..., World]:
     """A world on the route of some type, whose actors are put there by the test."""
 
     def build(on: str, put: Callable[[Stage], None]) -> World:
-        kind = ScenarioType("Test", put, {}, {}, blocked_test_off=False, two_ways=False)
+        kind = ScenarioType("Test", put, {}, {}, blocked_test_off=False, two_ways=c.TWO_WAYS_NEVER)
         monkeypatch.setitem(SCENARIOS, "Test", kind)
         route = route_of(on)
         return World(replace(route, scenario=replace(route.scenario, type="Test")), seed=0)

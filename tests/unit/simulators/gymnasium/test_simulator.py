@@ -135,6 +135,21 @@ def test_an_obstacle_of_the_road_is_layout():
     simulator.close()
 
 
+@pytest.mark.parametrize(("speed_mps", "found"), [(0.0, []), (3.0, [InfractionKind.COLLISION_LAYOUT])])
+def test_a_standing_ego_has_hit_nobody(speed_mps, found):
+    simulator = made("merge-v0")
+    simulator.reset(simulator.routes()[0], seed=0, cameras=[])
+    road, ego = simulator.environment.unwrapped.road, simulator.environment.unwrapped.vehicle
+    road.vehicles[:], ego.speed = [ego], speed_mps
+    simulator.step(Control(brake=1.0 if speed_mps == 0.0 else 0.0))
+    road.objects[0].position = ego.position + np.array([2.0, 0.0])
+    simulator.step(Control(brake=1.0))
+    score = simulator.score()
+    assert score.end_detail.endswith("crashed")
+    assert [infraction.kind for infraction in score.infractions] == found
+    simulator.close()
+
+
 def test_leaving_the_road_is_outside_the_lanes():
     simulator = made("racetrack-v0")
     simulator.reset(simulator.routes()[0], seed=0, cameras=[])
