@@ -42,6 +42,11 @@ _WAIT_BEFORE_M = 7.0
 _CHANGE_FREE_S = 6.0
 _PASS_EARLY_M, _PASS_LOOK_M, _DOUBTS = 10.0, 90.0, 6
 _PARKED_FROM_M = 1.5
+_NEAR_M, _NEAR_S, _BORROW_AFTER_S = (10.0, 30.0), 3.0, 5.1
+"""The lane of the oncoming traffic is free so long after the ego came near what is in the way (all scenarios with
+`TwoWays` in Bench2Drive): within 3 s at its speed, 10 to 30 m."""
+_HALT_MPS2 = 4.0
+"""It stops like this when it is nearer than that already."""
 _SLOWER = 0.9
 """While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
 _INVADER_GAP_M, _INVADER_TICKS = 0.5, 600
@@ -80,6 +85,7 @@ class Expert:
         self._pass: Pass | None = None
         self._line: tuple[Floats, Floats] | None = None
         self._doubts = 0
+        self._near_s = 0.0
         self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
         self._ego: EgoState | None = None
@@ -196,7 +202,9 @@ class Expert:
         """Pass what is in the lane; return it while the way around is not free."""
         ahead = nearest_obstacle(now.scene, self._traffic, lanes.profile, now.row)
         if ahead is None:
+            self._near_s = 0.0
             return None
+        self._watch(ahead, now)
         if self._pass is not None and (not ahead.moving and self._pass.ends_row > ahead.last_row):
             return None
         k = min(now.scene.index(now.row), now.scene.count - 2)
@@ -205,15 +213,23 @@ class Expert:
             until = min(way.ends_row, now.row + _PASS_LOOK_M)
             if self._pass is None and way.starts_row > now.row + _PASS_EARLY_M:
                 continue
+            if self._pass is None and way.oncoming and self._near_s < _BORROW_AFTER_S:
+                continue
             if self._pass is not None or self._is_free(lanes.profile + way.shift, now, until):
                 self._pass = way
                 self._doubts = 0
                 return None
         return ahead
 
+    def _watch(self, ahead: Obstacle, now: Situation) -> None:
+        """Count the seconds since the ego came near what is in the way."""
+        near_m = min(max(_NEAR_S * now.speed_mps, _NEAR_M[0]), _NEAR_M[1])
+        if self._near_s > 0.0 or ahead.first_row - now.row < near_m:
+            self._near_s += now.elapsed_s
+
     def _give_up(self, lanes: LaneChanges, now: Situation) -> bool:
-        """Return whether a pass that has hardly begun is no longer free for several ticks on end."""
-        if self._pass is None or now.row > self._pass.beside_row:
+        """Return whether a pass from which the ego can still stop is no longer free for several ticks on end."""
+        if self._pass is None or now.row + _halt_m(now) > self._pass.beside_row:
             return False
         until = min(self._pass.ends_row, now.row + _PASS_LOOK_M)
         free = self._is_free(lanes.profile + self._pass.shift, now, until)
@@ -252,13 +268,13 @@ class Expert:
 
     def _before(self, obstacle: Obstacle | None, now: Situation) -> float:
         """Return the row at which to wait for a way around."""
-        if obstacle is None or obstacle.moving:
+        if obstacle is None or (obstacle.moving and self._near_s >= _BORROW_AFTER_S):
             return math.inf
         front = now.row + now.scene.half_length_m
         wait = obstacle.first_row - _WAIT_BEFORE_M
         if front < wait + 0.3:
             return wait
-        return front if now.speed_mps < 1.0 else obstacle.first_row - 1.0
+        return front if now.speed_mps < 1.0 else min(front + _halt_m(now), obstacle.first_row - 1.0)
 
     # --- control ---
 
@@ -271,3 +287,7 @@ class Expert:
         self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
         steer = steer_along(ego, line, now.scene.index(now.row))
         return pedals(ego, acceleration, steer)
+
+
+def _halt_m(now: Situation) -> float:
+    return now.speed_mps * now.speed_mps / (2.0 * _HALT_MPS2)

@@ -4,7 +4,7 @@ As in BEVFormer (Li et al. 2022), which both published agents use, a query for e
 seen, knows the can bus, and is mixed with the map of before, moved by the sensed motion of the vehicle. Compact: one
 layer instead of six; attention within the 3 x 3 image tokens around the projection instead of deformable sampling,
 each head at its own height; a gate instead of temporal attention; the memory is one step deep (the map of 0.5 s
-before is the one without *its* memory), so that training on pairs of pictures sees exactly what driving sees.
+before is the one without *its* memory), so that training on pairs of pictures sees the maps that driving sees.
 """
 
 from __future__ import annotations

@@ -171,7 +171,8 @@ class UniadNet(BevNet):
 def memory_of(begun: FirstLayer) -> dict[str, Tensor]:
     """Return what the next inference is told of the agents.
 
-    That is queries (N, Q, d), computed without *their* memory, and where the agents stand.
+    That is queries (N, Q, d) and where the agents stand. When driving they come from a map that was mixed with the one
+    of another 0.5 s before, in training they do not: 1 cm of the last waypoint, more than 3 cm in one tick of 20.
     """
     return {"queries": begun.queries[:, 1:], "spots": begun.boxes[..., :2]}
 

@@ -57,7 +57,7 @@ class Pass:
     """A way around: sideways metres to be added to the lane's own profile, `hold_m` beside the obstacle.
 
     It leaves the lane at `starts_row`; until the ego reaches `beside_row` it can still go back; at `ends_row` it is in
-    its lane again.
+    its lane again. `oncoming`: it uses a lane of the oncoming traffic.
     """
 
     shift: Floats
@@ -65,6 +65,7 @@ class Pass:
     starts_row: float
     beside_row: float
     ends_row: float
+    oncoming: bool
 
 
 def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
@@ -150,20 +151,24 @@ def ways_around(scene: StaticScene, ahead: Obstacle, row: float, right_m: float,
                 continue
             if same_way:
                 hold = sign * max(abs(hold), 0.5 * (scene.lane_at(row).width_m + lane.width_m))
-        found.append(_pass(scene, ahead, row, right_m, hold, speed_mps, early=same_way and abs(hold) > room))
+        beside = abs(hold) > room
+        found.append(_pass(scene, ahead, row, right_m, hold, speed_mps, beside=beside, same_way=same_way))
     return found
 
 
 def _pass(
-    scene: StaticScene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, early: bool
-) -> Pass:
-    """Shift until beside it (`early`: at once), hold, come back; a crawling thing is followed with the hold."""
+    scene: StaticScene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, beside: bool,
+    same_way: bool,
+) -> Pass:  # fmt: skip
+    """Shift until beside it, at once to another lane of the same way; hold, come back; a crawling thing is followed."""
     length = shift_length_m(max(speed_mps, 3.0), hold_m - right_m)
-    start = row if early else max(row, ahead.first_row - 3.5 - length)
+    start = row if beside and same_way else max(row, ahead.first_row - 3.5 - length)
     done = start + length
     until = max(ahead.last_row + 3.4 + (4.0 * ahead.speed_mps if ahead.moving else 0.0), done + 1.0)
     back = max(12.0, _HOME_SHARE * shift_length_m(max(speed_mps, 8.0), hold_m))
     rows = scene.rows
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
-    return Pass(shift, hold_m, start, ahead.first_row - scene.half_length_m - 1.0, until + back)
+    return Pass(
+        shift, hold_m, start, ahead.first_row - scene.half_length_m - 1.0, until + back, beside and not same_way
+    )

@@ -76,7 +76,7 @@ class PathController:
 class Creep:
     """Makes the vehicle roll for a moment after it has stood for long: what frees an agent that waits for nothing.
 
-    Published: after more than 800 ticks below 0.1 m/s, throttle 0.4 for 15 ticks.
+    Published: after more than 800 ticks below 0.1 m/s, throttle 0.4 until it measures more, and for 15 ticks then.
     """
 
     AFTER_TICKS, FOR_TICKS, THROTTLE, STANDS_MPS = 800, 15, 0.4, 0.1
@@ -88,7 +88,7 @@ class Creep:
         """Return whether this tick is to be driven with `THROTTLE` and without brake. Call it once a tick."""
         self._stood = self._stood + 1 if speed_mps < self.STANDS_MPS else 0
         if self._stood > self.AFTER_TICKS:
-            self._stood, self._left = 0, self.FOR_TICKS
+            self._left = self.FOR_TICKS
         creeps = self._left > 0
         self._left -= creeps
         return creeps

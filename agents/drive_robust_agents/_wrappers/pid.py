@@ -27,6 +27,7 @@ __all__ = [
     "WaypointTuning",
     "WindowedPid",
     "capped_throttle",
+    "published_turn_of",
     "turn_of",
 ]
 
@@ -73,7 +74,7 @@ class WaypointTuning:
     `calm_within_m` is how near a target must be to be preferred for its smaller angle. `speed_pairs` is how many pairs
     of waypoints tell the wanted speed. `cruise_throttle` is what remains of the throttle above `free_mps`, or above
     `free_turning_mps` where it steers by more than `turning`; above `coast_above_mps` there is none. `full_brake`: its
-    agent makes any brake a full one.
+    agent makes any brake a full one. `behind_is_right`: see `published_turn_of`.
     """
 
     turn: Gains
@@ -94,6 +95,7 @@ class WaypointTuning:
     turning: float = 0.07
     coast_above_mps: float = math.inf
     full_brake: bool = False
+    behind_is_right: bool = False
 
 
 class Pedals(NamedTuple):
@@ -127,9 +129,10 @@ class WaypointController:
         """Return the controls for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
         tuning = self.tuning
         aim, desired = self._aim(waypoints)
+        turn_to = published_turn_of if tuning.behind_is_right else turn_of
         (before_x, before_y), (last_x, last_y) = waypoints[-2], waypoints[-1]
-        angle, of_target = turn_of(aim), turn_of(target)
-        led_to = turn_of((last_x - before_x, last_y - before_y))
+        angle, of_target = turn_to(aim), turn_to(target)
+        led_to = turn_to((last_x - before_x, last_y - before_y))
         near = scalars.hypot(target[0], target[1]) < tuning.calm_within_m
         by_target = (near and abs(of_target) < abs(angle)) or (
             abs(of_target - led_to) > tuning.target_turn and target[0] < tuning.target_within_m
@@ -173,3 +176,16 @@ def turn_of(point: Point) -> float:
     if x * x + y * y < 0.25:
         return 0.0
     return scalars.atan2(y, x) * (2.0 / math.pi)
+
+
+def published_turn_of(point: Point) -> float:
+    """Return the direction as the published agents compute it, -1..3: what lies behind on the left is 2 to 3.
+
+    They do not wrap the angle (`TCP/model.py`, `team_code/pid_controller.py`), so that they steer right for every
+    target behind them; noise on the GPS puts targets there. No point is too near to have a direction.
+
+    >>> published_turn_of((0.0, 3.0)), published_turn_of((0.0, -3.0)), published_turn_of((-3.0, 0.0))
+    (1.0, -1.0, 2.0)
+    """
+    x, y = point
+    return 1.0 - scalars.atan2(x, y) * (2.0 / math.pi)

@@ -39,6 +39,7 @@ PUBLISHED = WaypointTuning(
     target_turn=0.3,
     target_within_m=10.0,
     brake_below_mps=0.4,
+    behind_is_right=True,
 )
 """Bench2Drive's numbers, without caps: aim 4 m, brake ratio 1.1, clip 0.25, most throttle 0.75 are those above, too."""
 TCP_PUBLISHED = replace(

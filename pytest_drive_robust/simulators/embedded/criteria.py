@@ -36,6 +36,7 @@ STOP_RADIUS_M = 4.0
 CHECKPOINTS = 20
 LAST_CHECKPOINT_SHARE = 0.95
 TRIGGER_RADIUS_M = 2.0
+TWO_WAYS_AFTER_S = 5.0
 YIELD_NEAR_M = 50.0
 YIELD_S = 10.0
 _HAIR_M = 1e-6
@@ -132,16 +133,22 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
-    if outside or (ints[c.CI_WRONG_WAY] == 1 and not _both_ways(world)):
+    allowed = _both_ways(world)
+    if outside or (ints[c.CI_WRONG_WAY] == 1 and not allowed):
         world.criteria[c.C_OUTSIDE_M] += gained
 
 
 @inner
 def _both_ways(world: WorldArrays) -> bool:
-    """Return whether the scenario allows to drive against the traffic now."""
-    if world.two_ways == c.TWO_WAYS_TO_THE_END:
-        return bool(world.clock[1] >= 0)
-    return world.two_ways == c.TWO_WAYS_WHILE_IT_RUNS and _scenario_runs(world)
+    """Return whether the scenario allows to drive against the traffic now, some seconds after the ego came near."""
+    if world.two_ways == c.TWO_WAYS_NEVER or world.clock[1] < 0:
+        return False
+    criteria, near = world.criteria, world.two_ways_near
+    away, v = hypot(world.ego[c.EGO_X] - near[0], world.ego[c.EGO_Y] - near[1]), world.ego[c.EGO_V]
+    if criteria[c.C_NEAR_S] > 0.0 or away < near[2] or (v > 0.0 and away / v < near[3]):
+        criteria[c.C_NEAR_S] += world.dt_s
+    over = world.two_ways == c.TWO_WAYS_WHILE_IT_RUNS and not _scenario_runs(world)
+    return criteria[c.C_NEAR_S] > TWO_WAYS_AFTER_S and not over
 
 
 @inner

@@ -40,7 +40,9 @@ class Stage(RoutePlaces):
     """The world of one episode under construction.
 
     `start_right_m` and `start_mps` say how the ego starts: so many metres to the right of the route's first point, and
-    at what speed. `end_m` is the progress at which the scenario is over. `ranges` are those of the type's elements.
+    at what speed. `end_m` is the progress at which the scenario is over. `two_ways_near` is what the ego comes near to
+    before it may use the oncoming lane: x, y, metres, and seconds at its speed. `ranges` are those of the type's
+    elements.
     """
 
     def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, tuple[float, float]]) -> None:
@@ -53,6 +55,7 @@ class Stage(RoutePlaces):
         self.start_right_m = 0.0
         self.start_mps = 0.0
         self.end_m = np.inf
+        self.two_ways_near = (0.0, 0.0, 0.0, 0.0)
         self._seed = seed
         self.green_for_ego()
 
@@ -146,6 +149,13 @@ class Stage(RoutePlaces):
         )  # fmt: skip
         self.cast.flow(car, kinds=kinds, gaps_m=gaps)
 
+    def borrow_lane(self, ahead_m: float, *, near_m: float, near_s: float = 0.0) -> None:
+        """Allow the oncoming lane five seconds after the ego came so near to a place on its way.
+
+        `near_s` are seconds at its speed of that moment (Bench2Drive `SwitchWrongDirectionTest` after `Idle(5)`).
+        """
+        self.two_ways_near = (*self.spot(ahead_m), near_m, near_s)
+
     # --- lights ---
 
     def lights(self, *, ego: Program, opposite: Program, crossing: Program = RED) -> None:
@@ -171,7 +181,7 @@ def red_then_green(red_s: float) -> Program:
 
 
 def green_then_red(green_s: float, red_s: float) -> Program:
-    """Return a program: green for `green_s` after the scenario started, yellow for a second, red for `red_s`, green."""
+    """Return a program: green for `green_s` after the scenario started, yellow for two, red for `red_s`, green."""
     return Program(
         LightState.GREEN,
         (

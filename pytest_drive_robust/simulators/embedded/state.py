@@ -40,8 +40,8 @@ FLOW_INTS = 5
 
 # --- criteria: one row of floats and one of ints ---
 C_OUTSIDE_M, C_OFFROUTE_M, C_STILL_S, C_EGO_SUM, C_TRAFFIC_SUM = range(5)
-C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S = range(5, 9)
-CRITERIA_COLUMNS = 9
+C_LAST_HIT_X, C_LAST_HIT_Y, C_CHECKPOINT_M, C_YIELD_TIMER_S, C_NEAR_S = range(5, 10)
+CRITERIA_COLUMNS = 10
 CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_SAMPLES = range(6)
 CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN, CI_NEAREST = range(6, 12)
 CRITERIA_INTS = 12
@@ -71,7 +71,8 @@ class Statics(NamedTuple):
     trigger_m: float  # progress at which the scenario starts
     scenario_end_m: float  # progress at which the scenario is over
     blocked_test_off: int  # 1: the blocked test is off while the scenario runs
-    two_ways: int  # how long the scenario allows to drive against the traffic: TWO_WAYS_*
+    two_ways: int  # until when the scenario allows to drive against the traffic: TWO_WAYS_*
+    two_ways_near: Floats1  # (4,): x, y, metres, seconds: so near to that place the wait for that allowance begins
     emergency_actor: int  # the actor that must be let past, or -1
     ego_length_m: float
     ego_width_m: float
@@ -94,7 +95,7 @@ class Statics(NamedTuple):
     flow_gaps: Floats2  # (flows, draws): distances between two cars [m]
     buildings: Floats2  # (b, 6)
     patches: Floats2  # (p, 2): dirt on the road
-    patch_noise: Floats2  # (n, 2): throttle and steer that a patch adds, one row a tick, over and over
+    patch_noise: Floats3  # (p, n, 2): throttle and steer that a patch adds, one row a tick, over and over
     survey: Floats3  # (paths, actors + 1, 5): scratch, written anew in every tick
 
 
@@ -108,6 +109,6 @@ class State(NamedTuple):
     flows: Floats2  # (f, 5)
     flow_ints: Ints2  # (f, 5)
     lights: Ints1  # (stop lines,)
-    criteria: Floats1  # (9,)
+    criteria: Floats1  # (10,)
     criteria_ints: Ints1  # (12,)
     events: Floats2  # (EVENT_CAPACITY, 6)

@@ -185,6 +185,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         scenario_end_m=float(stage.end_m),
         blocked_test_off=int(kind.blocked_test_off),
         two_ways=kind.two_ways,
+        two_ways_near=np.array(stage.two_ways_near),
         emergency_actor=stage.emergency_actor,
         ego_length_m=EGO_LENGTH_M,
         ego_width_m=EGO_WIDTH_M,
@@ -213,17 +214,17 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
 
 
 def _patch_noise(stage: Stage) -> Floats:
-    """Draw (n, 2), what dirt adds to throttle and steer, pulling to one side all episode; without dirt n is 0.
+    """Draw (patches, n, 2), what dirt adds to throttle and steer; each patch has a side and a sign of its own.
 
     Source: Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`.
     """
-    if not stage.patches:
-        return np.zeros((0, 2))
+    noise = np.zeros((len(stage.patches), _NOISE_TICKS, 2))
     draws = stage.draws("dirt")
-    side = 1.0 if draws.random() < 0.5 else -1.0
-    throttle = draws.normals(0.03, 0.01, _NOISE_TICKS)
-    steer = draws.normals(side * 0.055, 0.015, _NOISE_TICKS)
-    return np.column_stack([throttle, steer])
+    for patch in noise:
+        push, side = (1.0 if draws.random() < 0.5 else -1.0 for _ in range(2))
+        patch[:, 0] = draws.normals(push * 0.03, 0.01, _NOISE_TICKS)
+        patch[:, 1] = draws.normals(side * 0.055, 0.015, _NOISE_TICKS)
+    return noise
 
 
 def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:

@@ -38,12 +38,19 @@ def test_it_brakes_for_who_is_about_to_walk_into_the_lane() -> None:
 
 def test_it_waits_behind_an_obstacle_while_somebody_comes_and_goes_when_nobody_does() -> None:
     coming = actor(55.0, -LANE_M, speed_mps=10.0, yaw_rad=math.pi)
-    waiting = act(street(actor(34.0, 1.0), coming, x_m=22.2))
-    going = act(street(actor(34.0, 1.0), x_m=22.2))
+    waiting = act(street(actor(34.0, 1.0), coming, x_m=22.2), ticks=105)
+    going = act(street(actor(34.0, 1.0), x_m=22.2), ticks=105)
     assert waiting.steer == 0.0
     assert waiting.throttle < 0.3  # from there on it would hold its speed
     assert going.steer < -0.1
     assert going.throttle > 0.4
+
+
+def test_it_waits_five_seconds_before_it_uses_the_oncoming_lane() -> None:
+    agent, blocked = Expert(), street(actor(34.0, 1.0), x_m=22.2)
+    steers = [agent.act(observation(blocked, tick)).steer for tick in range(110)]
+    assert set(steers[:100]) == {0.0}
+    assert min(steers[100:]) < -0.1
 
 
 def test_it_leaves_a_parking_space_only_into_a_gap() -> None:

@@ -23,6 +23,8 @@ _BICYCLE_SHIFT = 0.55
 _DIRT_M = (14.0, 48.0, 74.0)
 _PARKED_IN_LANE_M = 0.35
 _CONE_STEP_M = 6.0
+_HALF_A_CAR_M = 0.7
+"""The original's constant in place of half the width of a car (`InvadingTurn`)."""
 
 
 @scenario(
@@ -51,6 +53,7 @@ def hazard_at_side_lane(stage: Stage) -> None:
 def hazard_at_side_lane_two_ways(stage: Stage) -> None:
     """Two slow bicycles at the edge of the lane; cars come the other way, in a lane that stays allowed."""
     parts.oncoming_gaps(stage)
+    stage.borrow_lane(parts.ahead(stage, 43.0), near_m=50.0)
     stage.end_m = stage.trigger_m + _bicycles(stage) + 10.0
 
 
@@ -70,21 +73,22 @@ def vehicle_opens_door_two_ways(stage: Stage) -> None:
     door = stage.stand(ActorKind.DOOR, at + 0.3, hinge_m, appears=True)
     stage.cast.script(door, Arrival(3.0, 10.0), Script(0.0, right_m=hinge_m), at=stage.spot(at + 0.3))
     parts.oncoming_gaps(stage)
-    stage.end_m = stage.trigger_m + at + 20.0
+    stage.borrow_lane(at, near_m=10.0, near_s=3.0)
+    stage.end_m = stage.trigger_m + at + 50.0
 
 
 @scenario("InvadingTurn", parameters={"distance": (75.0, 85.0), "offset": (0.18, 0.34)}, blocked_test_off=True)
 def invading_turn(stage: Stage) -> None:
-    """In a bend, cones push the oncoming cars over the centre line by `offset`: keep to the right."""
+    """In a bend, cones push the oncoming cars over the centre line by about `offset`: keep to the right."""
     far = parts.ahead(stage, 80.0, at_least_m=45.0)
     over = min(max(stage.spec.number("offset", 0.25), -0.5), 0.5)
-    path = _pushed_aside(stage, far, stage.lane_width_m / 2.0 + over)
+    path = _pushed_aside(stage, far, over + stage.lane_width_m / 2.0 - _HALF_A_CAR_M)
     stage.flow(
         path, speed_mps=0.7 * stage.speed_limit_mps, gap_m=(36.0, 44.0), background=True, kinds=(ActorKind.CAR,),
         sees=c.SEES_NOBODY,
     )  # fmt: skip
     for k in range(int((far - 25.0) / _CONE_STEP_M) + 1):
-        stage.stand(ActorKind.CONE, 22.0 + _CONE_STEP_M * k, -(stage.lane_width_m / 2.0 + 1.3))
+        stage.stand(ActorKind.CONE, 22.0 + _CONE_STEP_M * k, -1.4 * stage.lane_width_m)
     stage.end_m = stage.trigger_m + far + 10.0
 
 
@@ -105,10 +109,8 @@ def _bicycles(stage: Stage) -> float:
     edge = parts.right_hand(stage) * _BICYCLE_SHIFT * stage.lane_width_m / 2.0
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
-        bicycle = stage.cast.add(
-            ActorSpec(ActorKind.BICYCLE, stage.ego_path, start, target_mps=ride, right_m=edge, end_m=start + drive)
-        )
-        stage.cast.script(bicycle, Passing(stage.trigger_m), Script(ride, right_m=edge))
+        bicycle = stage.cast.add(ActorSpec(ActorKind.BICYCLE, stage.ego_path, start, right_m=edge, end_m=start + drive))
+        stage.cast.script(bicycle, Passing(0.0), Script(ride, right_m=edge))  # as soon as the scenario begins
     return at + 9.0 + drive
 
 

@@ -16,22 +16,22 @@ from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
 """How far to the right they stand, in halves of the lane."""
-_PASSED_M = 20.0
-"""The scenario is over so many metres behind the last thing."""
+_PASSED_M = 50.0
+"""The scenario is over so many metres behind the last vehicle, or the beginning of the building site."""
 
 
-def _crashed_cars(stage: Stage) -> float:
-    """Put a police car and crashed cars 10 and 16 m behind it; return the metres from the trigger to the last one."""
+def _crashed_cars(stage: Stage) -> tuple[float, float]:
+    """Put a police car and crashed cars 10 and 16 m behind it; return metres from the trigger, see `_obstacle`."""
     at = ahead(stage, 42.0)
     shift = right_hand(stage) * _ACCIDENT_SHIFT * stage.lane_width_m / 2.0
     stage.stand(ActorKind.EMERGENCY, at, shift)
     for k, further in enumerate((10.0, 16.0)):
         stage.stand(ActorKind.CAR, at + further, shift, yaw_rad=stage.draw(f"crashed {k}", -0.3, 0.3))
-    return at + 16.0
+    return at + 10.0, at + 16.0
 
 
-def _building_site(stage: Stage) -> float:
-    """Put a sign, three cones across the lane, debris, four along its left edge; return the metres to the last one."""
+def _building_site(stage: Stage) -> tuple[float, float]:
+    """Put a sign, three cones across the lane, debris, four along its left edge; return metres as `_obstacle` says."""
     at = ahead(stage, 42.0)
     half, side = stage.lane_width_m / 2.0, right_hand(stage)
     stage.stand(ActorKind.WARNING_SIGN, at - 5.0)
@@ -40,31 +40,32 @@ def _building_site(stage: Stage) -> float:
     stage.stand(ActorKind.BARRIER, at + 2.0, yaw_rad=math.pi / 2.0)
     for k in range(4):
         stage.stand(ActorKind.CONE, at + 2.0 * k, side * (0.4 - half))
-    return at + 6.0
+    return at, at
 
 
-def _badly_parked_car(stage: Stage) -> float:
-    """Put a badly parked car into the lane, hazard lights on; return the metres from the trigger to it."""
+def _badly_parked_car(stage: Stage) -> tuple[float, float]:
+    """Put a badly parked car into the lane, hazard lights on; return metres from the trigger, see `_obstacle`."""
     at = ahead(stage, 41.0)
     right_m = right_hand(stage) * _PARKED_SHIFT * stage.lane_width_m / 2.0
     stage.stand(ActorKind.CAR, at, right_m, state=ActorState.INDICATOR_LEFT | ActorState.INDICATOR_RIGHT)
-    return at
+    return at, at
 
 
 def _obstacle(
     name: str,
-    put: Callable[[Stage], float],
+    put: Callable[[Stage], tuple[float, float]],
     *,
     distance_m: Metres,
     side_kmh: float = 0.0,
     speed_kmh: Metres | None = None,
     oncoming_m: Metres | None = None,
+    near_m: float = 50.0,
 ) -> None:
     """Register a type: something stands in the ego's lane, and somebody is in the way of driving around it.
 
-    `put` places it and returns the metres from the trigger to its end. The lane to the left is in use at `side_kmh` or
-    what is drawn of `speed_kmh`; else the way around is the oncoming lane, and cars come there with gaps of
-    `oncoming_m`.
+    `put` places it and returns the metres from the trigger to where the ego has to come near (by `near_m`) and to
+    where the end of the scenario is measured from. The lane to the left is in use at `side_kmh` or what is drawn of
+    `speed_kmh`; else the way around is the oncoming lane, and cars come there with gaps of `oncoming_m`.
     """
 
     def build(stage: Stage) -> None:
@@ -72,7 +73,9 @@ def _obstacle(
             side_traffic(stage, side_kmh)
         else:
             oncoming_gaps(stage)
-        stage.end_m = stage.trigger_m + put(stage) + _PASSED_M
+        first_m, last_m = put(stage)
+        stage.borrow_lane(first_m, near_m=near_m)
+        stage.end_m = stage.trigger_m + last_m + _PASSED_M
 
     scenario(
         name,
@@ -86,6 +89,6 @@ def _obstacle(
 _obstacle("Accident", _crashed_cars, side_kmh=55.0, distance_m=(40.0, 44.0), speed_kmh=(53.0, 57.0))
 _obstacle("AccidentTwoWays", _crashed_cars, oncoming_m=(32.0, 184.0), distance_m=(40.0, 44.0))
 _obstacle("ConstructionObstacle", _building_site, side_kmh=50.0, distance_m=(40.0, 45.0), speed_kmh=(47.0, 55.0))
-_obstacle("ConstructionObstacleTwoWays", _building_site, oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0))
+_obstacle("ConstructionObstacleTwoWays", _building_site, oncoming_m=(43.0, 200.0), distance_m=(40.0, 45.0), near_m=30.0)
 _obstacle("ParkedObstacle", _badly_parked_car, side_kmh=50.0, distance_m=(40.0, 43.0), speed_kmh=(40.0, 59.0))
 _obstacle("ParkedObstacleTwoWays", _badly_parked_car, oncoming_m=(31.0, 151.0), distance_m=(40.0, 43.0))

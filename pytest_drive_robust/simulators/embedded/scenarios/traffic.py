@@ -20,6 +20,8 @@ _AHEAD_M = (25.0, 95.0)
 _STOP_S = 10.0
 _AT_LEAST_M = 8.0
 _ROW_STEP_M = 8.0
+_SIREN_MPS2 = 15.0
+"""The original has its speed at once."""
 
 
 @scenario("YieldToEmergencyVehicle", parameters={"distance": (26.0, 30.0)})
@@ -29,7 +31,7 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
     stage.emergency_actor = stage.cast.add(
         ActorSpec(
             ActorKind.EMERGENCY, stage.ego_path, stage.on_ego_path(-distance), target_mps=stage.speed_limit_mps,
-            accel_mps2=4.0, brake_mps2=8.0, appears=True,
+            accel_mps2=_SIREN_MPS2, brake_mps2=8.0, appears=True,
         )
     )  # fmt: skip
     stage.cast.script(stage.emergency_actor, Passing(stage.trigger_m), Script(25.0, relative=2))
@@ -54,7 +56,10 @@ def blocked_intersection(stage: Stage) -> None:
     at = stage.exit_ahead_m() + 5.0 + SIZES_M[ActorKind.VAN][0] / 2.0
     entry = stage.spot(stage.junction_ahead_m() - 9.0)
     cruise = 0.8 * stage.speed_limit_mps
-    blocker = stage.cast.add(ActorSpec(ActorKind.VAN, stage.ego_path, stage.on_ego_path(at), leaves=True))
+    leaves_m = stage.length_m(stage.ego_path)
+    blocker = stage.cast.add(
+        ActorSpec(ActorKind.VAN, stage.ego_path, stage.on_ego_path(at), end_m=leaves_m, leaves=True)
+    )
     near = Arrival(0.0, max(13.0, math.dist(entry, stage.spot(at))))
     stage.cast.script(blocker, near, Script(cruise, delay_s=_STOP_S), at=stage.spot(at))
     stage.green_for_ego()

@@ -66,11 +66,12 @@ def test_a_place_along_a_path_is_so_far_away_along_it(distance_m: float) -> None
     assert walked == pytest.approx(min(distance_m, 13.0))
 
 
-def test_it_creeps_for_fifteen_ticks_after_standing_for_forty_seconds() -> None:
+@pytest.mark.parametrize("rolls_after", [1, 30])
+def test_it_creeps_after_forty_seconds_until_it_rolls_and_fifteen_ticks_then(rolls_after: int) -> None:
     creep = Creep()
-    told = [creep.step(0.0) for _ in range(900)]
+    told = [creep.step(0.0) for _ in range(800 + rolls_after)] + [creep.step(0.5) for _ in range(100)]
     assert told.index(True) == 800
-    assert sum(told) == 15
+    assert sum(told) == rolls_after + 14
 
 
 def test_who_moves_now_and_then_does_not_creep() -> None:

@@ -18,6 +18,7 @@ from drive_robust_agents._wrappers.pid import (
     WaypointTuning,
     WindowedPid,
     capped_throttle,
+    published_turn_of,
     turn_of,
 )
 
@@ -106,6 +107,23 @@ def test_it_steers_to_the_side_to_which_the_waypoints_bend(agent: WaypointTuning
 def test_a_far_target_does_not_keep_the_agent_from_going_around_something() -> None:
     assert step(tuning.VAD, driving(6.0, bend=0.3), 6.0).steer > 0.1
     assert abs(step(tuning.PUBLISHED, driving(6.0, bend=0.3), 6.0).steer) < 0.01
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.6, 50.0))
+def test_published_directions_are_ours_but_behind_on_the_left(angle: float, away_m: float) -> None:
+    point = (away_m * math.cos(angle), away_m * math.sin(angle))
+    behind_on_the_left = turn_of(point) < -1.0
+    expected = turn_of(point) + (4.0 if behind_on_the_left else 0.0)
+    assert published_turn_of(point) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("agent", [tuning.TCP_PUBLISHED, tuning.UNIAD_PUBLISHED, tuning.VAD_PUBLISHED])
+def test_published_agents_turn_right_for_every_target_behind_them(agent: WaypointTuning) -> None:
+    for side in (-2.0, 2.0):
+        pedals = step(agent, driving(4.0), 4.0, target=(-5.0, side))
+        assert pedals.by_target
+        assert pedals.steer == 1.0
+    assert step(tuning.VAD, driving(4.0), 4.0, target=(-5.0, -2.0)).steer == -1.0
 
 
 def test_a_near_target_that_lies_straighter_ahead_is_preferred() -> None:

@@ -119,6 +119,27 @@ def test_beside_bicycles_the_oncoming_lane_stays_allowed_to_the_end() -> None:
     assert kinds(late.infractions) == [InfractionKind.OUTSIDE_LANES]
 
 
+@pytest.mark.parametrize(
+    ("scenario", "near_m"),
+    [("AccidentTwoWays", 50.0), ("ParkedObstacleTwoWays", 50.0), ("ConstructionObstacleTwoWays", 30.0)],
+)
+def test_the_oncoming_lane_is_allowed_five_seconds_after_the_ego_came_near(scenario: str, near_m: float) -> None:
+    world = emptied(scenario).world
+    x, y, given_m, given_s = world.statics.two_ways_near
+    assert (given_m, given_s) == (near_m, 0.0)
+    route = world.dense.rows
+    trigger_m = float(world.dense.trigger_m)
+    came_m = next(
+        s for s, row in zip(world.dense.s, route, strict=True)
+        if s >= trigger_m - 2.0 and math.hypot(row[0] - x, row[1] - y) < near_m
+    )  # fmt: skip
+    free_m = came_m + 5.0 * 8.0  # at 8 m/s
+    early = glide(scenario, right_m=lambda s: -3.5 if free_m - 10.0 < s < free_m - 2.0 else 0.0)
+    later = glide(scenario, right_m=lambda s: -3.5 if free_m + 3.0 < s < free_m + 11.0 else 0.0)
+    assert kinds(early.infractions) == [InfractionKind.OUTSIDE_LANES]
+    assert kinds(later.infractions) == []
+
+
 def test_metres_of_route_far_from_it_end_it_beyond_thirty_percent() -> None:
     length_m = emptied("DynamicObjectCrossing").world.dense.length_m
 

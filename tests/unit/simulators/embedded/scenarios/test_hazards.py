@@ -18,8 +18,10 @@ def test_bicycles_ride_on_for_their_distance_and_then_stand_in_the_way() -> None
     world = staged("HazardAtSideLaneTwoWays", bicycle_speed=12.0, bicycle_drive_distance=15.0)
     bicycles = actors_of(world, ActorKind.BICYCLE)
     before = [beside_route(world, k)[0] for k in bicycles]
+    drive(world, 5.0, speed_mps=0.0)
+    assert [beside_route(world, k)[0] for k in bicycles] == before  # they set off when the scenario begins
     assert drive(world, 10.0, speed_mps=4.0, until=lambda w: w.state.clock[1] >= 0)
-    drive(world, 8.0, speed_mps=0.0)
+    drive(world, 10.0, speed_mps=0.0)
     after = [beside_route(world, k)[0] for k in bicycles]
     assert np.subtract(after, before) == pytest.approx([15.0, 15.0], abs=0.3)
     assert before[1] - before[0] == pytest.approx(9.0, abs=0.1)
@@ -56,13 +58,14 @@ def test_oncoming_cars_leave_room_only_for_who_keeps_to_the_right(number: int, r
     assert bool(collisions(world)) is hits
 
 
-def test_oncoming_cars_invade_by_the_offset_of_the_route_file() -> None:
+def test_oncoming_cars_are_pushed_aside_as_far_as_in_the_original() -> None:
+    """By half a lane and the file's offset, less 0.7 m: about half a metre of the car is over the line."""
     world = staged("InvadingTurn", offset=0.3)
     rights = []
     for _ in range(200):
         world.tick(Control(brake=1.0))
         rights += [beside_route(world, k)[1] for k in actors_of(world, ActorKind.CAR, flows=True)]
-    assert max(rights) == pytest.approx(0.3 - world.stage.lane_width_m / 2.0, abs=0.1)
+    assert max(rights) == pytest.approx(0.3 - 0.7 - world.stage.lane_width_m / 2.0, abs=0.1)
 
 
 def test_dirt_pulls_the_steering_of_who_drives_over_it() -> None:
@@ -78,6 +81,16 @@ def test_dirt_pulls_the_steering_of_who_drives_over_it() -> None:
             break
     assert near < 2.0
     assert abs(world.state.ego[c.EGO_STEER] - clean.state.ego[c.EGO_STEER]) > 1e-4
+
+
+def test_each_patch_pulls_to_a_side_of_its_own_and_pushes_or_holds() -> None:
+    signs = set()
+    for number in range(5):
+        noise = staged("ControlLoss", number).statics.patch_noise
+        assert noise.shape[0] == 3
+        assert np.abs(noise.mean(axis=1)) == pytest.approx(np.tile([0.03, 0.055], (3, 1)), abs=0.005)
+        signs |= {tuple(np.sign(patch.mean(axis=0))) for patch in noise}
+    assert len(signs) == 4
 
 
 def test_three_patches_of_dirt_lie_on_the_way_and_stop_nobody() -> None:
