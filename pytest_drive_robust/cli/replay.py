@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -26,6 +25,7 @@ from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
@@ -62,7 +62,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="ask no agent: drive the controls of the .episode file again, the same bits on any machine",
     )
-    parser.add_argument("--out", metavar="FILE", help="a .mp4, or a .png strip; default: replay-ROUTE-SETTING.mp4")
+    parser.add_argument(
+        "--out",
+        metavar="FILE",
+        help="a .mp4, or a .png strip; default: a .mp4 with agent, route, setting, seed in its name",
+    )
     parser.add_argument("--no-video", action="store_true", help="only tell what happened")
     parser.set_defaults(command=_replay)
 
@@ -127,8 +131,8 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
 
 def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
     """Return where to write, looked at before anything is driven. Without an encoder a strip replaces the video."""
-    words = re.sub(r"[^a-z0-9.]+", "-", f"{wanted.route}-{wanted.setting}".lower()).strip("-")
-    target = Path(options.out or f"replay-{words}.mp4")
+    episode = Episode(wanted.agent, wanted.route, str(wanted.setting), wanted.seed)
+    target = Path(options.out or film_name(episode))
     if target.suffix.lower() not in _SUFFIXES:
         raise UsageError(f"--out is {options.out!r}, expected the name of a .mp4 or .png file.")
     if not target.parent.is_dir():

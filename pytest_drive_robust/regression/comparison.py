@@ -104,6 +104,7 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
     kind = kind_for(terms.kind, len(pairs), same_seeds=same_seeds, changed=changed)
     return CellComparison(
         agent=new.agent,
+        agent_before=old.agent,
         setting=new.setting,
         routes_spec=new.routes_spec,
         before=_numbers([pair[0] for pair in pairs], [(item.clean_before, item.before) for item in quartets]),

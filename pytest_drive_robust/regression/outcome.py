@@ -53,7 +53,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class CellComparison:
-    """One agent under one setting in both runs. `agent` is its name in the new run.
+    """One agent under one setting in both runs. `agent` is its name in the new run, `agent_before` in the old one.
 
     `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score. `quartets` are
     those with clean scores in both, none where some route was not scored. `rule` is what judged them, `same_seeds` says
@@ -61,6 +61,7 @@ class CellComparison:
     """
 
     agent: str
+    agent_before: str
     setting: str
     routes_spec: str
     before: Numbers

@@ -6,17 +6,25 @@ import json
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
-from result_factory import make_result
+from result_factory import infraction, make_result, scored
 
+from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.outcome import Terms
+from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import write_pages
 from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import Asked, Used
 
 pytestmark = pytest.mark.slow
@@ -163,6 +171,50 @@ def test_two_runs_are_compared_and_a_flip_opens_both(opened):
     report.follow(page.locator("section", has=page.locator("h2", has_text="Newly")).first.locator("tbody th a").first)
     page.wait_for_selector("canvas")
     assert page.locator("figcaption strong").all_inner_texts()[0].startswith("before:")
+
+
+def clean_run(*results: EpisodeResult) -> RunRecords:
+    """Return a run of clean episodes."""
+    found = {str(result.episode): result for result in results}
+    keys: dict[str, list[str]] = {}
+    for key, result in found.items():
+        keys.setdefault(result.episode.agent, []).append(key)
+    asked = [Asked(agent, "one-per-scenario", "clean", (0,), tuple(of_agent)) for agent, of_agent in keys.items()]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    return RunRecords.of(run_as_json(run), found.get, default_registry(), label=", ".join(keys))
+
+
+@pytest.mark.parametrize(("before", "now", "second"), [(100.0, 20.0, "0.0"), (20.0, 100.0, "7.0")])
+def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_failing_one(
+    opened, tmp_path, before, now, second
+):
+    ids = [route.id for route in resolve_routes("one-per-scenario")]
+    hit = infraction(InfractionKind.RED_LIGHT, second=10.0)
+    old = clean_run(*(scored(name, before, agent="old", infractions=[hit] if before < now else []) for name in ids))
+    new = clean_run(*(scored(name, now, agent="new") for name in ids))
+    snapshots = [snapshot_of(run.document, label=run.label) for run in (old, new)]
+    comparison = compare(*snapshots, Terms(kind="list"))
+    report = opened(write_pages(tmp_path, new, comparison=comparison, before=old).parent)
+    page = report.go("#/compare")
+    report.follow(page.locator("section", has=page.locator("h2", has_text="Newly")).locator("tbody th a").first)
+    page.wait_for_selector("canvas")
+    assert page.evaluate("location.hash").endswith(f"?t={second}&with=before")
+    assert page.locator("figcaption strong").all_inner_texts() == ["before: clean", "clean"]
+
+
+def test_every_episode_shows_its_own_film(opened, tmp_path):
+    agents = ("tcp?engine=torch", "my_agent:MyAgent", "агент", "водитель")
+    results = [make_result("101", agent=agent, seed=seed) for agent in agents for seed in (0, 1)]
+    films = [tmp_path / film_name(result.episode) for result in results[1:]]
+    for film in films:
+        film.write_bytes(b"film")
+    report = opened(write_pages(tmp_path / "report", clean_run(*results), films=films).parent)
+    shown = []
+    for result in results:
+        page = report.go(f"#/episode/{quote(result.episode.agent, safe='')}/clean/101/{result.episode.seed}")
+        page.wait_for_selector("canvas")
+        shown += [video.get_attribute("src") for video in page.locator("video").all()]
+    assert shown == [f"films/{film.name}" for film in films]  # the first episode has none
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

@@ -8,7 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.jit.cache import cache_folder
+from pytest_drive_robust.report.film.file_name import film_name
 
 HELPER = Path(__file__).parents[1] / "helpers" / "without_posix.py"
 OPTIONS = ["--drive-robust", "-q", "-p", "no:cacheprovider"]
@@ -71,7 +73,7 @@ def test_a_replay_drives_and_is_filmed(run):
         "pytest_drive_robust.cli", "replay", "601", "--agent", "blind", "--setting", "clean", "--tick-cap", "60"
     )
     assert replayed.returncode == 0, replayed.stdout + replayed.stderr
-    assert "replay-601-clean.mp4: " in replayed.stdout
+    assert f"{film_name(Episode('blind', '601', 'clean', 0))}: " in replayed.stdout
 
 
 def test_the_command_lists_what_there_is(run):

@@ -33,17 +33,16 @@ def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Ident]:
     """Yield the episodes of the run before that have a part in a flip, as far as that run holds them."""
     if comparison.refusals:
         return
-    agents = comparison.before.agents
     for cell in comparison.cells:
-        agent = cell.agent if cell.agent in agents else next(iter(agents), "")  # one agent may have a new name
         for flip in cell.flips:
-            idents = ((agent, cell.setting, flip.before.route_id, seed) for seed in flip.before.seeds)
+            idents = ((cell.agent_before, cell.setting, flip.before.route_id, seed) for seed in flip.before.seeds)
             yield from (ident for ident in idents if ident in before.results)
 
 
 def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
     return {
         "agent": cell.agent,
+        "agentBefore": cell.agent_before,
         "setting": cell.setting,
         "verdict": cell.verdict,
         "rule": cell.rule,
@@ -62,8 +61,7 @@ def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
 def _ds_change(comparison: Comparison, cell: CellComparison) -> list[float] | None:
     """Return the mean change of DS over the routes of both runs, with its 95 % interval; None where none is shared."""
     after = comparison.after.cells.get((cell.agent, cell.setting))
-    before = [item for (_, setting), item in comparison.before.cells.items() if setting == cell.setting]
-    old = next((item for item in before if item.agent == cell.agent), before[0] if len(before) == 1 else None)
+    old = comparison.before.cells.get((cell.agent_before, cell.setting))
     if after is None or old is None:
         return None
     changes = [score.ds - old.routes[name].ds for name, score in after.routes.items() if name in old.routes]

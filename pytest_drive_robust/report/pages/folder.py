@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust import __version__
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
 from pytest_drive_robust.report.pages.records import RunRecords
@@ -23,6 +25,7 @@ MARK = "drive-robust-report.txt"
 """Lies in every folder that we wrote: only such a one is written over."""
 _PARTS = ("index.html", "data", "static", "films", MARK)
 _SAYS = "A report of pytest-drive-robust: open index.html. The next report that is written here replaces this one.\n"
+_MOST_NAMED = 3
 
 
 def check_folder(folder: Path, *, source: str) -> None:
@@ -46,7 +49,7 @@ def write_pages(
 ) -> Path:
     """Write the report and return its page. What an earlier one left in `folder` goes. Raises `UsageError`, `OSError`.
 
-    `films` are videos of `drive-robust replay`, found again by their names (`replay-ROUTE-SETTING.mp4`).
+    `films` are videos of `drive-robust replay`, found again by their names (`film_name`).
     """
     check_folder(folder, source="the folder of the report")
     films = tuple(films)
@@ -64,7 +67,8 @@ def write_pages(
         for part in _PARTS:
             _remove(folder / part)
         write_whole(folder / MARK, _SAYS)
-        data["films"] = _copy_films(folder, films)
+        data["films"] = _copy_films(folder, films, table.results)
+        data["notes"] += _strangers(films, data["films"].values())
         (folder / "data").mkdir()
         _write_routes(folder / "data", records, table, maps, [route["id"] for route in data["routes"]])
     finally:
@@ -113,14 +117,23 @@ def _copy_static(folder: Path) -> None:
             write_whole(folder / item.name, item.read_bytes())
 
 
-def _copy_films(folder: Path, films: Iterable[Path]) -> list[str]:
-    """Copy the videos; return their names."""
-    names = []
-    for film in films:
+def _copy_films(folder: Path, films: Iterable[Path], results: Sequence[EpisodeResult]) -> dict[int, str]:
+    """Copy the videos of these episodes; return their names by the number of the episode."""
+    numbers: dict[str, int] = {}
+    for number, result in enumerate(results):
+        numbers.setdefault(film_name(result.episode), number)  # the run itself comes before the one before
+    found = {numbers[film.name]: film for film in films if film.name in numbers}
+    for film in found.values():
         (folder / "films").mkdir(exist_ok=True)
         shutil.copyfile(film, folder / "films" / film.name)
-        names.append(film.name)
-    return sorted(names)
+    return {number: film.name for number, film in found.items()}
+
+
+def _strangers(films: Iterable[Path], shown: Iterable[str]) -> list[str]:
+    """Return a note that names the films that no page shows."""
+    names = sorted({film.name for film in films}.difference(shown))
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return [f"films of no episode here, which are not shown: {', '.join(names[:_MOST_NAMED])}{more}"] if names else []
 
 
 def _remove(path: Path) -> None:

@@ -13,7 +13,9 @@ from pathlib import Path
 import pytest
 
 from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -98,11 +100,21 @@ def test_it_films_both_episodes_from_outside(folder: Path) -> None:
     assert abs(frames[0].astype(int) - frames[-1]).max() > 100
 
 
-def test_the_file_is_named_after_route_and_setting(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_file_is_named_after_its_episode(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("av")
     assert main([*GOOD, *LATE]) == 0
-    assert files(folder) == {f"replay-{ROUTE.id}-200-ms-latency.mp4"}
-    assert f"replay-{ROUTE.id}-200-ms-latency.mp4: " in capsys.readouterr().out
+    name = film_name(Episode("film_agents:Good", ROUTE.id, "200 ms latency", 0))
+    assert name.startswith(f"replay-film_agents-good-{ROUTE.id}-200-ms-latency-seed0-")
+    assert files(folder) == {name}
+    assert f"{name}: " in capsys.readouterr().out
+
+
+def test_films_of_two_agents_and_two_seeds_do_not_replace_each_other(folder: Path) -> None:
+    pytest.importorskip("av")
+    other = [part.replace("Good", "Slow") for part in GOOD]
+    for arguments in (GOOD, other, [*GOOD, "--seed", "1"]):
+        assert main([*arguments]) == 0
+    assert len(files(folder)) == 3
 
 
 def test_without_an_encoder_a_strip_of_pictures_takes_its_place(

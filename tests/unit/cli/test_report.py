@@ -7,6 +7,8 @@ from report_pages import data_of
 from stored_runs import store_run
 
 from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.report.film.file_name import film_name
 
 
 @pytest.fixture(autouse=True)
@@ -47,10 +49,16 @@ def test_what_cannot_be_used_is_refused(capsys, arguments, message):
 def test_films_come_along(tmp_path):
     store_run("one")
     (tmp_path / "films").mkdir()
-    (tmp_path / "films" / "replay-1-clean.mp4").write_bytes(b"film")
+    name = film_name(Episode("driver", "1", "clean", 0))
+    (tmp_path / "films" / name).write_bytes(b"film")
+    (tmp_path / "films" / "replay-1-clean.mp4").write_bytes(b"a film of an earlier version")
     assert main(["report", "one", "--films", "films"]) == 0
-    assert data_of(tmp_path / "drive-report")["films"] == ["replay-1-clean.mp4"]
-    assert (tmp_path / "drive-report" / "films" / "replay-1-clean.mp4").read_bytes() == b"film"
+    data = data_of(tmp_path / "drive-report")
+    (number,) = data["films"]
+    assert data["films"] == {number: name}
+    assert data["episodes"]["words"][data["episodes"]["setting"][int(number)]] == "clean"
+    assert [path.read_bytes() for path in (tmp_path / "drive-report" / "films").iterdir()] == [b"film"]
+    assert "films of no episode here, which are not shown: replay-1-clean.mp4" in data["notes"]
 
 
 def test_films_in_the_report_that_is_replaced_are_refused_and_stay(tmp_path, capsys):

@@ -35,7 +35,7 @@ driveRobust.views.set("episode", (() => {
     const { episodes } = driveRobust;
     if (wish === "none") return null;
     if (wish === "before" || wish === "after") {
-      const other = episodes.find(wish === "before" ? 1 : 0, episode.agent, episode.setting, episode.route, episode.seed);
+      const other = episodes.counterpart(episode);
       if (other) return other;
     }
     return episode.twin >= 0 ? episodes.all()[episode.twin] : null;
@@ -51,7 +51,7 @@ driveRobust.views.set("episode", (() => {
     ];
     const shown = scenes.filter(({ data }) => data.motion);
     const player = shown.length ? new Player(shown, beside, start, dtOf(episode, shown)) : null;
-    const film = filmOf(episode, run.films || []);
+    const film = run.films[episode.number];
     const others = episodes.own().filter((item) => item.route === episode.route && item.agent === episode.agent && item.seed === episode.seed);
     return {
       title: `${episode.place.scenario} ${episode.route} under ${episode.setting}`,
@@ -71,11 +71,6 @@ driveRobust.views.set("episode", (() => {
     const own = shown[shown.length - 1];
     const ticks = (own.data.motion.rows - 1) * own.data.motion.every + 1;
     return Math.abs(episode.seconds / ticks - 0.05) < 0.01 || ticks < 3 ? 0.05 : episode.seconds / ticks;
-  }
-
-  function filmOf(episode, films) {
-    const words = `${episode.route}-${episode.setting}`.toLowerCase().replace(/[^a-z0-9.]+/g, "-").replace(/^-+|-+$/g, "");
-    return films.find((name) => name === `replay-${words}.mp4`);
   }
 
   function facts(episode, beside) {

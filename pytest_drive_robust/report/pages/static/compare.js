@@ -56,7 +56,7 @@ driveRobust.views.set("compare", (() => {
   }
 
   function momentOf(now, flip) {
-    const before = driveRobust.episodes.find(1, now.agent, now.setting, now.route, now.seed);
+    const before = driveRobust.episodes.counterpart(now);
     return driveRobust.episodes.moment(flip.fails || !before ? now : before);
   }
 

@@ -38,6 +38,14 @@ driveRobust.episodes = (() => {
     return all().find((item) => item.run === run && item.agent === agent && item.setting === setting && item.route === route && item.seed === seed);
   }
 
+  /* The same episode in the other run, where its agent may have another name. */
+  function counterpart(episode) {
+    const { comparison } = driveRobust.given.get("run");
+    const [here, there] = episode.run ? ["agentBefore", "agent"] : ["agent", "agentBefore"];
+    const cell = comparison && comparison.settings.find((item) => item[here] === episode.agent);
+    return cell && find(1 - episode.run, cell[there], episode.setting, episode.route, episode.seed);
+  }
+
   /* The link of an episode, at a second. */
   function href(episode, second, query) {
     const words = { t: second === undefined || second === null ? "" : Math.max(0, second).toFixed(1), run: episode.run ? "before" : "", ...query };
@@ -150,5 +158,5 @@ driveRobust.episodes = (() => {
     return { map, motion: moved ? await motion(moved) : null, tracks: await tracks(seen) };
   }
 
-  return { all, own, find, href, moment, scene };
+  return { all, own, find, counterpart, href, moment, scene };
 })();

@@ -224,9 +224,10 @@ def test_the_groups_of_failures_are_those_of_the_episodes(tmp_path):
     assert run["episodes"]["words"][run["episodes"]["setting"][number]] == SETTING
 
 
-def test_a_comparison_brings_the_episodes_that_flipped(tmp_path):
+@pytest.mark.parametrize("agent_before", ["driver", "it had another name"])
+def test_a_comparison_brings_the_episodes_that_flipped(tmp_path, agent_before):
     ids = [route.id for route in resolve_routes("one-per-scenario")]
-    before = records(*(scored(name, 100.0) for name in ids))
+    before = records(*(scored(name, 100.0, agent=agent_before) for name in ids))
     scores = [100.0 if n % 4 else 20.0 for n in range(len(ids))]
     after = records(*(scored(name, score) for name, score in zip(ids, scores, strict=True)))
     found = compare(
@@ -239,6 +240,7 @@ def test_a_comparison_brings_the_episodes_that_flipped(tmp_path):
     mean, low, high = cell["dsChange"]
     assert mean == pytest.approx(-20.0, abs=0.1)
     assert low < mean < high
+    assert (cell["agent"], cell["agentBefore"]) == ("driver", agent_before)
     assert len(cell["flips"]) == 11
     assert run["episodes"]["run"].count(1) == 11
     flipped = run["episodes"]["run"].index(1)
