@@ -7,7 +7,7 @@ from math import prod
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.bench2drive.results.motion_log import TICK_S, find_log, logged_trace
+from pytest_drive_robust.bench2drive.results.motion_log import LONGEST_S, TICK_S, find_log, logged_trace
 from pytest_drive_robust.bench2drive.results.official_record import (
     LISTS,
     SPEED_LIST,
@@ -40,9 +40,9 @@ _VERSIONS = {"bench2drive": "results"}
 def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
     """Return the episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
 
-    Of records of others ticks of events are 0, controls and progress in the trace are 0 (without a log it is empty),
-    and `junction_passed` is False. Of our exports nothing is lost; `agent` and `setting` must be those of the export.
-    Raises `UsageError` for a record whose score does not follow from its infractions, or that was edited.
+    Of records of others ticks of events are 0, controls and progress in the trace are 0 (it is empty without a log of
+    every tick), and `junction_passed` is False. Of our exports nothing is lost; `agent` and `setting` must be those of
+    the export. Raises `UsageError` for a record whose score does not follow from its infractions, or that was edited.
     """
     if record.own is not None:
         return _own(record, record.own, agent=agent, setting=setting, folders=folders)
@@ -57,7 +57,7 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
         route_length_m=record.length_m,
         infractions=_infractions(record),
         speed_ratios_pct=tuple(ratios_pct(record)),
-        ticks=round(min(record.game_s, 1e9) / TICK_S),
+        ticks=round(min(record.game_s, LONGEST_S) / TICK_S),
         dt_s=TICK_S,
         wall_s=record.wall_s,
         trace=logged_trace(record, folders),

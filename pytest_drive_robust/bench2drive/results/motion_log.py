@@ -2,6 +2,9 @@
 
 Bench2Drive `leaderboard/autoagents/autonomous_agent.py`, `get_metric_info`: y to the right of x, yaw clockwise;
 accelerations in m/s2, angular velocities in degrees per second, rotations as roll, pitch, yaw in degrees.
+
+It tells no time: a step is the number of a call of `run_step`. Under latency by hold, as in the released code, calls
+are several ticks apart; how many, the duration of the drive tells.
 """
 
 from __future__ import annotations
@@ -24,6 +27,8 @@ from pytest_drive_robust.store.episode_fields import NO_TICKS
 Floats = NDArray[np.float64]
 
 FILE_NAME = "metric_info.json"
+LONGEST_S = 1e9
+"""Records may tell any duration: of a longer one no ticks are counted."""
 TICK_S = 0.05
 """Seconds per tick of the official evaluator (Bench2Drive `leaderboard/leaderboard_evaluator.py`, `frame_rate`)."""
 _VECTORS = ("acceleration", "angular_velocity", "forward_vector", "right_vector", "location", "rotation")
@@ -67,8 +72,8 @@ class _Log:
     dt_s: float
 
 
-def _read_log(path: Path) -> _Log:
-    """Return the log in a file. Raises `UsageError` for a damaged one."""
+def _read_log(path: Path, record: OfficialRecord) -> _Log:
+    """Return the log of a record in a file. Raises `UsageError` for a damaged one."""
     document = read_json(path)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)} is no log of motion: expected an object with one entry for each step.")
@@ -78,9 +83,17 @@ def _read_log(path: Path) -> _Log:
     steps = [int(step) for step in document if step.isascii() and step.isdigit() and len(step) < 10]
     known = np.array(steps, dtype=np.int64)
     if len(known) < len(document) or len(known) < 2:
-        return _Log(rows, rows, TICK_S)
+        return _Log(rows, rows, TICK_S * _ticks_per_call(len(rows), record))
     order = np.argsort(known, kind="stable")
-    return _Log(rows, rows[order], TICK_S * max(float(np.median(np.diff(known[order]))), 1.0))
+    calls_apart = max(float(np.median(np.diff(known[order]))), 1.0)
+    return _Log(rows, rows[order], TICK_S * calls_apart * _ticks_per_call(int(known.max()) + 1, record))
+
+
+def _ticks_per_call(calls: int, record: OfficialRecord) -> float:
+    """Return how many ticks lie between two calls of the agent: 1, or the mean where it was not asked in all ticks."""
+    ticks = min(record.game_s, LONGEST_S) / TICK_S
+    # Agents that are asked in every tick may lack a few: some begin later, some save every tenth.
+    return ticks / max(calls, 1) if ticks > 1.1 * calls else 1.0
 
 
 def _motion_from(rows: Floats, dt_s: float) -> Motion:
@@ -98,11 +111,16 @@ def _motion_from(rows: Floats, dt_s: float) -> Motion:
 
 
 def logged_trace(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
-    """Return as much of a trace as the log of a record tells: controls and progress are 0; empty without a log."""
+    """Return as much of a trace as the log of a record tells: controls and progress are 0.
+
+    It is empty without a log, and of a log that holds some ticks only: what reads a trace takes its rows for ticks.
+    """
     path = _first_log(folders, record)
     if path is None:
         return NO_TICKS
-    log = _read_log(path)
+    log = _read_log(path, record)
+    if record.own is None and log.dt_s > TICK_S:  # our exports hold every tick, which is another one in other worlds
+        return NO_TICKS
     rows = log.in_order
     motion = _motion_from(rows, log.dt_s)
     columns = np.zeros((len(rows), len(Trace.COLUMNS)))
@@ -131,7 +149,7 @@ class Comforts:
         if path is None:
             return None
         if path not in self._motions:
-            log = _read_log(path)
+            log = _read_log(path, record)
             self._motions[path] = _motion_from(log.as_written, log.dt_s), _motion_from(log.in_order, log.dt_s)
         return comfort_of(self._motions[path][0 if quirks else 1], quirks)
 

@@ -116,7 +116,7 @@ def test_each_quirk_of_efficiency_is_named_only_where_it_changed_the_number(
 
 
 def test_comfort_is_the_official_one_and_names_what_made_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    turning = record("1")
+    turning = record("1", game_s=2.0)
     write(tmp_path / "r.json", document(turning))
     # Two seconds at 8 m/s: 5 degrees per second are 0.09 radians per second, well within the bound.
     log = {str(n): motion_step(turn_degps=5.0, x_m=0.4 * n) for n in range(40)}
@@ -138,13 +138,26 @@ def test_comfort_is_the_official_one_and_names_what_made_it(tmp_path: Path, caps
 def test_steps_are_taken_as_written_officially_and_in_order_otherwise(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    item = record("1")
+    item = record("1", game_s=2.0)
     write(tmp_path / "r.json", document(item))
     rising = {str(n): motion_step(forward=0.05 * n, x_m=0.4 * n) for n in range(40)}
     shuffled = dict(sorted(rising.items()))
     write(tmp_path / item["save_name"] / "metric_info.json", shuffled)
     assert scored(tmp_path / "r.json", capsys, "--metrics", "fixed")["comfort"] == 100.0
     assert scored(tmp_path / "r.json", capsys)["comfort"] < 100.0
+
+
+def test_the_duration_tells_how_far_apart_an_agent_was_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # 2.4 m/s2 in six calls: 8 m/s3 when they are a tick apart, 2 m/s3 when they are four.
+    log = {str(n): motion_step(forward=0.4 * n - 1.2, x_m=0.4 * n) for n in range(7)}
+    for game_s, comfort in ((0.35, 0.0), (1.4, 100.0)):
+        item = record("1", game_s=game_s)
+        write(tmp_path / "r.json", document(item))
+        write(tmp_path / item["save_name"] / "metric_info.json", log)
+        assert scored(tmp_path / "r.json", capsys, "--metrics", "fixed")["comfort"] == comfort
+        assert scored(tmp_path / "r.json", capsys)["comfort"] == 100.0  # 4 m/s3: the official tool never asks
 
 
 def test_traffic_signs_is_a_range_where_only_a_map_could_tell(

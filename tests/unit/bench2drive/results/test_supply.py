@@ -94,13 +94,34 @@ def test_a_record_becomes_the_episode_that_it_tells_of(tmp_path: Path) -> None:
 
 
 def test_a_log_of_motion_becomes_the_trace(tmp_path: Path) -> None:
-    item = record("4")
+    item = record("4", game_s=1.0)
     log = {str(n): motion_step(forward=0.5, turn_degps=90.0, x_m=0.4 * n) for n in range(20)}
     write(tmp_path / item["save_name"] / "metric_info.json", log)
     trace = one(tmp_path, item).trace
     assert trace.column("speed_mps") == pytest.approx(8.0)
     assert trace.column("forward_mps2") == pytest.approx(0.5)
     assert trace.column("yaw_rate_radps") == pytest.approx(1.5707963)
+
+
+@pytest.mark.parametrize(
+    ("ticks", "steps"),
+    [(2, 1), (4, 1), (10, 10)],
+    ids=["hold of 100 ms", "hold of 200 ms", "asked in every tick, logs every tenth"],
+)
+def test_a_log_of_some_ticks_only_is_no_trace_and_has_no_comfort(tmp_path: Path, ticks: int, steps: int) -> None:
+    item = record("4", game_s=8.0)
+    log = {str(n * steps): motion_step(x_m=0.4 * n * ticks) for n in range(160 // ticks)}
+    write(tmp_path / item["save_name"] / "metric_info.json", log)
+    result = one(tmp_path, item)
+    assert len(result.trace.rows) == 0
+    assert summarize([result]).comfort is None
+
+
+@pytest.mark.parametrize("ticks", [range(1, 160), range(151)], ids=["the first is missing", "saved every tenth"])
+def test_a_log_may_lack_a_few_ticks(tmp_path: Path, ticks: range) -> None:
+    item = record("4", game_s=8.0)
+    write(tmp_path / item["save_name"] / "metric_info.json", {str(n): motion_step(x_m=0.4 * n) for n in ticks})
+    assert one(tmp_path, item).trace.column("speed_mps") == pytest.approx(8.0)
 
 
 @pytest.mark.parametrize("status", ["Failed - Simulation crashed", "Failed", "Started"])
