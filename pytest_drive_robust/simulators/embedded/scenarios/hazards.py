@@ -24,7 +24,7 @@ _DIRT_M = (14.0, 48.0, 74.0)
 _PARKED_IN_LANE_M = 0.35
 _CONE_STEP_M = 6.0
 _HALF_A_CAR_M = 0.7
-"""The original's constant in place of half the width of a car (`InvadingTurn`)."""
+"""What the original takes for half the width of a car, whatever car comes (`invading_turn.py`)."""
 
 
 @scenario(
@@ -84,8 +84,7 @@ def invading_turn(stage: Stage) -> None:
     over = min(max(stage.spec.number("offset", 0.25), -0.5), 0.5)
     path = _pushed_aside(stage, far, over + stage.lane_width_m / 2.0 - _HALF_A_CAR_M)
     stage.flow(
-        path, speed_mps=0.7 * stage.speed_limit_mps, gap_m=(36.0, 44.0), background=True, kinds=(ActorKind.CAR,),
-        sees=c.SEES_NOBODY,
+        path, speed_mps=0.7 * stage.speed_limit_mps, gap_m=(36.0, 44.0), background=True, sees=c.SEES_NOBODY,
     )  # fmt: skip
     for k in range(int((far - 25.0) / _CONE_STEP_M) + 1):
         stage.stand(ActorKind.CONE, 22.0 + _CONE_STEP_M * k, -1.4 * stage.lane_width_m)

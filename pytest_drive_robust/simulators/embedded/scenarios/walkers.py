@@ -15,7 +15,8 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _LATER_S = 0.02
-"""For every degree by which somebody does not walk straight across."""
+"""For every degree, to either side, by which somebody does not walk straight across: their way is longer. In the
+original a degree away from the ego is as much less; there they meet its way elsewhere, here at the same place."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
 """Places of a parked row, seen from where somebody steps out between two cars."""
 
