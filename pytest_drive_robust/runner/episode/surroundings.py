@@ -94,6 +94,8 @@ def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) 
     ego_x, ego_y = table[of_state, 1], table[of_state, 2]
     east, south = rows[:, WorldState.X] - ego_x, rows[:, WorldState.Y] - ego_y
     near = np.flatnonzero(east * east + south * south <= _RADIUS_M * _RADIUS_M)
+    if not len(near):
+        return np.empty((0, 6), np.int32), np.empty((0, 4), np.int32)
     order = near[np.argsort(rows[near, WorldState.ID], kind="stable")]  # the samples of each are in order already
     rows, sample = rows[order], of_state[order]
     ids, kinds, yaw = rows[:, WorldState.ID], rows[:, WorldState.KIND], rows[:, WorldState.YAW]

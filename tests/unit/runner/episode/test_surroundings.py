@@ -14,6 +14,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.surroundings import Surroundings
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.store.track_bytes import pack_tracks, unpack_tracks
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent, fake_route
 
 EGO = EgoState(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 4.9, 1.8)
@@ -71,6 +72,15 @@ def test_actors_are_kept_in_centimetres_at_5_hz():
 def test_an_actor_that_goes_away_and_comes_back_has_two_tracks():
     tracks = seen(state(0, car(1, 10.0)), state(4), state(8, car(1, 30.0))).tracks()
     assert tracks.actors[:, 4:].tolist() == [[0, 1], [2, 1]]
+
+
+@pytest.mark.parametrize("actors", [[], [car(1, 500.0)]], ids=["nobody", "nobody near"])
+def test_a_road_without_anybody_has_lights_all_the_same(actors):
+    tracks = seen(state(0, *actors), state(4, *actors)).tracks()
+    assert [len(tracks.actors), len(tracks.motion)] == [0, 0]
+    assert tracks.lights.tolist() == [[2, 0], [2, 0]]
+    back = unpack_tracks(pack_tracks(tracks))
+    assert [back.actors.shape, back.motion.shape, back.lights.tolist()] == [(0, 6), (0, 4), tracks.lights.tolist()]
 
 
 def test_far_actors_are_left_out_and_yaw_does_not_jump():
