@@ -87,8 +87,8 @@ def test_the_page_says_what_it_counts() -> None:
     found = rows(done.stdout)
     page = " ".join((ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8").split())
     episodes, other, _, successes, change = found["all"][:4] + found["tcp"][4:5]
-    assert f"of these {episodes} episodes {other} have another DS, {successes} another success" in page
-    told = re.search(r"that under (.+?), which is (\d\.\d+) \(.+?\) for (\d\.\d+)", page)
+    assert f"of these {int(episodes):,} episodes {other} have another DS, {successes} another success" in page
+    told = re.search(r"that of `tcp` under (.+?), which is (\d\.\d+) \(.+?\) for (\d\.\d+)", page)
     assert told is not None
     setting, now, then = told.groups()
     assert change.partition(", ")[2] == setting.replace(" of ", " ")
