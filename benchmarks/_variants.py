@@ -1,9 +1,10 @@
 """Learned agents with one thing changed, as agents of the registry: `variant:uniad/our-numbers`.
 
 Each change is one factor of what stands between the network and the car. `our-numbers` changes all of them at once, as
-agents ship with the published ones; `ours-but-...` changes one factor of ours. `ours-but-target-rule`, `-steering` and
-`-pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are then given to
-the car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
+agents ship with the published ones; `ours-but-...` changes one factor of ours. `angle-wrapped` steers left for a target
+behind on the left, where the published agents steer right (`pid.published_turn_of`). `ours-but-target-rule`,
+`-steering` and `-pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are
+then given to the car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
 """
 
 from __future__ import annotations
@@ -50,7 +51,10 @@ class Change:
     to_target: float = 0.0
 
 
-_TARGET_RULE = Change(numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf")})
+_TARGET_RULE = Change(
+    numbers={"target_turn": 0.3, "target_within_m": 10.0, "calm_within_m": float("inf"), "behind_is_right": True}
+)
+_WRAPPED = Change(numbers={"behind_is_right": False})
 _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
 _NO_CAP = Change(numbers={"coast_above_mps": float("inf")})
 _SPEEDOMETER = Change(moved_by_speed=True)
@@ -81,6 +85,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         TCP,
         {
             "as-shipped": _NOTHING,
+            "angle-wrapped": _WRAPPED,
             "place-20-m-behind": _BEHIND,
             "half-to-the-target": _HALFWAY,
             "straight-to-the-target": _STRAIGHT,
@@ -95,6 +100,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         UniAD,
         {
             "as-shipped": _NOTHING,
+            "angle-wrapped": _WRAPPED,
             "no-cap-of-5-mps": _NO_CAP,
             "memory-by-speedometer": _SPEEDOMETER,
             **_ours(
@@ -110,6 +116,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         VAD,
         {
             "as-shipped": _NOTHING,
+            "angle-wrapped": _WRAPPED,
             "memory-by-speedometer": _SPEEDOMETER,
             **_ours(
                 target_rule=_TARGET_RULE,

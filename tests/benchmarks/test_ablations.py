@@ -100,6 +100,20 @@ def test_a_plan_is_turned_to_the_target_and_keeps_its_lengths(agent: str, plans:
                 assert math.isclose(math.hypot(ahead, right), k + 1.0, abs_tol=1e-4)
 
 
+@pytest.mark.parametrize("agent", ["tcp", "uniad", "vad"])
+def test_a_target_behind_on_the_left_is_steered_for_to_the_right_unless_the_angle_is_wrapped(
+    agent: str, monkeypatch
+) -> None:
+    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    straight, behind_on_the_left, steered = [(k + 1.0, 0.0) for k in range(6)], (-5.0, -5.0), {}
+    for change in ("as-shipped", "angle-wrapped"):
+        driven = Variant(agent, change)()
+        driven.reset(GlobalPlan(()), 0)
+        steered[change] = driven._controller.step(straight, 4.0, behind_on_the_left).steer
+    assert steered["as-shipped"] > 0.5
+    assert steered["angle-wrapped"] < -0.5
+
+
 def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_published_ones() -> None:
     written = [(agent, repr(Variant(agent, name).configuration)) for agent, name in NAMES]
     assert len(set(written)) == len(written)
