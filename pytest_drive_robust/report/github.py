@@ -9,8 +9,8 @@ from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.numbers import interval_text, legible, shown
-from pytest_drive_robust.report.run_result import RunResult, SettingRow
-from pytest_drive_robust.report.terminal import columns_of, footnotes, numbers_of
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
 
 VARIABLE = "GITHUB_STEP_SUMMARY"
@@ -45,7 +45,7 @@ def step_summary(run: RunResult, comparison: Comparison | None = None) -> str:
     parts += [] if comparison is None else _compared(comparison)
     if run.rows:
         columns = columns_of(run)
-        table = _table(("agent", "setting", *columns, "verdict"), (_setting(row, columns) for row in run.rows))
+        table = _table(("agent", "setting", *columns, "verdict"), rows_of(run, columns))
         parts.append(f"<details><summary>settings</summary>\n\n{table}\n\n</details>")
     notes = [f"- {_cell(line)}" for line in footnotes(run)]
     parts += ["\n".join(notes)] if notes else []
@@ -105,10 +105,6 @@ def _before_and_after(cell: CellComparison) -> tuple[str, ...]:
     numbers = (shown(metric, getattr(side, metric.lower())) for metric in _METRICS for side in sides)
     verdict = f"**{cell.verdict}**" if cell.regressed else cell.verdict
     return cell.agent, cell.setting, *numbers, f"{cell.changed} of {cell.routes} changed", verdict
-
-
-def _setting(row: SettingRow, columns: tuple[str, ...]) -> tuple[str, ...]:
-    return (row.agent + ("*" if row.privileged else ""), row.setting, *numbers_of(row, columns), row.verdict)
 
 
 def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:

@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from io import StringIO
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.table import Table
 
 WIDTH = 100
+_LEAST_SETTING = 18
+_UNLIMITED = 10_000
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 
 
@@ -18,7 +24,13 @@ class Page:
         self._colour = colour
         self._stream = StringIO()
         self._console = Console(
-            file=self._stream, width=WIDTH, highlight=False, markup=False, force_terminal=colour, no_color=not colour
+            file=self._stream,
+            width=WIDTH,
+            highlight=False,
+            markup=False,
+            emoji=False,  # a message holds file:100:line as it is
+            force_terminal=colour,
+            no_color=not colour,
         )
 
     def print(self, line: str, *, wraps: bool = True) -> None:
@@ -36,28 +48,63 @@ class Page:
     ) -> None:
         """Add a table of agents and settings with columns of `numbers` and perhaps of verdicts, which have colours.
 
-        It is ruled where colours are shown.
+        Long names of agents and settings are folded. Where the table would be too wide still, brackets behind numbers
+        go to a line of their own; where that is not enough, it is wider than a page: no number is cut. It is ruled
+        where colours are shown.
         """
+        from rich.measure import Measurement
+
+        cells = [tuple(row) for row in rows]
+        unlimited = self._console.options.update(max_width=_UNLIMITED)
+        for lines in (cells, [_brackets_below(row) for row in cells]):
+            table = self._table(numbers, lines, agent_width, setting_width, verdicts=verdicts)
+            least = Measurement.get(self._console, unlimited, table).minimum
+            if least <= WIDTH:
+                break
+        self._console.width = max(WIDTH, least)
+        self._console.print(table)
+        self._console.width = WIDTH
+
+    def _table(
+        self,
+        numbers: Sequence[str],
+        rows: Sequence[Sequence[str]],
+        agent_width: int,
+        setting_width: int | None,
+        *,
+        verdicts: bool,
+    ) -> Table:
         from rich import box
         from rich.table import Table
         from rich.text import Text
 
+        heads = ("agent", "setting", *numbers, *(["verdict"] if verdicts else []))
+        longest = [
+            max(len(line) for text in (head, *column) for line in text.split("\n"))
+            for head, column in zip(heads, zip(*rows, strict=True), strict=True)
+        ]
         ruled = box.SIMPLE_HEAD if self._colour else None
         table = Table(box=ruled, pad_edge=False, padding=(0, 1), header_style="bold")
-        table.add_column("agent", max_width=agent_width, no_wrap=True, overflow="ellipsis")
-        table.add_column("setting", max_width=setting_width, overflow="fold")
-        for name in numbers:
-            table.add_column(name, justify="right", no_wrap=True)
+        table.add_column("agent", min_width=min(longest[0], agent_width), max_width=agent_width, overflow="fold")
+        least = min(longest[1], _LEAST_SETTING)
+        table.add_column("setting", min_width=least, max_width=setting_width, overflow="fold")
+        for name, width in zip(numbers, longest[2:], strict=False):
+            table.add_column(name, justify="right", no_wrap=True, min_width=width)
         if verdicts:
-            table.add_column("verdict", no_wrap=True, min_width=7)
+            table.add_column("verdict", no_wrap=True, min_width=longest[-1])
         for *cells, last in rows:
             table.add_row(*cells, Text(last, style=_STYLES.get(last, "")))
-        self._console.print(table)
+        return table
 
     @property
     def text(self) -> str:
         """All of it, without blanks at the ends of lines."""
         return "\n".join(line.rstrip() for line in self._stream.getvalue().splitlines())
+
+
+def _brackets_below(row: Sequence[str]) -> tuple[str, ...]:
+    agent, setting, *numbers = row
+    return agent, setting, *(number.replace(" (", "\n(") for number in numbers)
 
 
 def cut(text: str, width: int = WIDTH) -> str:

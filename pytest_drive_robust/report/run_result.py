@@ -31,6 +31,7 @@ from pytest_drive_robust.store.events import (
 )
 
 Interval = tuple[float, float]
+_Scope = tuple[str, str, str, tuple[int, ...]]
 Lookup = Callable[[str], "EpisodeResult | None"]
 
 
@@ -109,6 +110,7 @@ class RunResult:
     ) -> RunResult:
         """Put together what the events tell; `find` gives the finished episode of a key, or None."""
         asked = _merged(event for event in events if isinstance(event, Asked))
+        scopes = _scopes(event for event in events if isinstance(event, Asked))
         order = {key: place for place, key in enumerate(_needed_keys(events))}
         asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
         spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
@@ -118,7 +120,16 @@ class RunResult:
         judged, late = _corrected(judged, options)
         return cls(
             options=options,
-            rows=tuple(_row(item, episodes, judged, spared, options=options) for item in asked),
+            rows=tuple(
+                _row(
+                    item,
+                    episodes,
+                    [one for one in judged if _scope_of(one) in scopes[item.keys]],
+                    spared,
+                    options=options,
+                )
+                for item in asked
+            ),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_versions_told(episodes.values())},
@@ -128,6 +139,27 @@ class RunResult:
             late=late,
             driven=len(episodes.keys() & {event.key for event in events if isinstance(event, Finished)}),
         )
+
+
+def row_labels(rows: Sequence[tuple[str, str, Sequence[int]]]) -> list[str]:
+    """Return the setting of each row (setting, routes, seeds), with its routes and its seeds where rows differ in them.
+
+    >>> row_labels([("clean", "suites/night.xml", [0]), ("clean", "dev10", [0])])
+    ['clean on night.xml', 'clean on dev10']
+    """
+    several_routes = len({spec for _, spec, _ in rows}) > 1
+    several_seeds = len({tuple(seeds) for _, _, seeds in rows}) > 1
+    return [
+        setting
+        + (f" on {_short(spec)}" if several_routes else "")
+        + (f", seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}" if several_seeds else "")
+        for setting, spec, seeds in rows
+    ]
+
+
+def _short(routes_spec: str) -> str:
+    """Name a file without its folder: that is the same for all of them as a rule."""
+    return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]
 
 
 def mixed_machines(run: RunResult) -> list[str]:
@@ -168,6 +200,14 @@ def _merged(asked: Iterable[Asked]) -> list[Asked]:
     return list(found.values())
 
 
+def _scopes(asked: Iterable[Asked]) -> dict[tuple[str, ...], set[_Scope]]:
+    """Return what requirements on the same episodes may be called: two specifications may name the same routes."""
+    found: dict[tuple[str, ...], set[_Scope]] = {}
+    for item in asked:
+        found.setdefault(item.keys, set()).add(_scope_of(item))
+    return found
+
+
 def _needed_keys(events: Sequence[Event]) -> list[str]:
     """Return keys in the order of the plan, then of asking: the same however many workers took part."""
     planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
@@ -201,8 +241,8 @@ def _row(
         results=results,
         summary=summary,
         rd=None if pairs is None else 1.0 - mean(pairs[1]) / mean(pairs[0]),
-        verdict=_worst(item.verdict for item in judged if _is_on(item, asked)),
-        judged={item.metric: item.value for item in judged if _is_on(item, asked)},
+        verdict=_worst(item.verdict for item in judged),
+        judged={item.metric: item.value for item in judged},
         problem=problem,
         planned=len(asked.keys) // max(1, len(asked.seeds)),
         ds_interval=_ds_interval(results, rule.alpha) if partial else None,
@@ -238,9 +278,8 @@ def _scores_in_pairs(
     return None if mean(clean) < clean_floor else (clean, perturbed)
 
 
-def _is_on(judged: Judged, asked: Asked) -> bool:
-    same = (judged.agent, judged.routes_spec, judged.setting, judged.seeds)
-    return same == (asked.agent, asked.routes_spec, asked.setting, asked.seeds)
+def _scope_of(event: Judged | Asked) -> _Scope:
+    return event.agent, event.routes_spec, event.setting, event.seeds
 
 
 def _worst(verdicts: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import legible, lower_end, shown
 from pytest_drive_robust.report.page import Page
-from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
+from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.several import any_wrong
 from pytest_drive_robust.verdict.evaluate import immunity
 
@@ -27,20 +27,20 @@ def run_summary(run: RunResult, *, colour: bool) -> str:
     if not run.rows:
         return ""
     page = Page(colour=colour)
-    columns, several_sets = columns_of(run), len({row.routes_spec for row in run.rows}) > 1
-    rows = (
-        (
-            row.agent + ("*" if row.privileged else ""),
-            row.setting + (f" on {_short(row.routes_spec)}" if several_sets else ""),
-            *numbers_of(row, columns),
-            row.verdict,
-        )
-        for row in run.rows
-    )
-    page.table(columns, rows, setting_width=40)
+    columns = columns_of(run)
+    page.table(columns, rows_of(run, columns), setting_width=40)
     for line in footnotes(run):
         page.print(line, wraps=not line.startswith(_REPLAY))
     return legible(page.text, controls=colour)
+
+
+def rows_of(run: RunResult, columns: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return agent, setting, the numbers of `columns` and the verdict of each row, as they are shown."""
+    labels = row_labels([(row.setting, row.routes_spec, row.seeds) for row in run.rows])
+    return [
+        (row.agent + ("*" if row.privileged else ""), label, *_numbers(row, columns), row.verdict)
+        for label, row in zip(labels, run.rows, strict=True)
+    ]
 
 
 def columns_of(run: RunResult) -> tuple[str, ...]:
@@ -57,7 +57,7 @@ def columns_of(run: RunResult) -> tuple[str, ...]:
     return (*usual[:-1], *others, usual[-1])
 
 
-def numbers_of(row: SettingRow, columns: Sequence[str]) -> list[str]:
+def _numbers(row: SettingRow, columns: Sequence[str]) -> list[str]:
     """Return the metrics and the count of routes that `columns` name, as they are shown."""
     summary = row.summary
     routes = (f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)) + (
@@ -89,7 +89,7 @@ def footnotes(run: RunResult) -> list[str]:
     if any(row.privileged for row in run.rows):
         lines.append("* privileged: this agent sees ground truth")
     if any(len(row.results) < row.needed for row in run.rows):
-        lines.append("'n of m' routes: the run ended before all episodes of this setting were driven")
+        lines.append("'n of m' are episodes: the run ended before all episodes of this setting were driven")
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")
@@ -178,8 +178,3 @@ def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
         return []
     command = replay_command(result.episode, run.options, routes_spec=routes_spec)
     return [f"{_REPLAY} (it ended after {result.ticks} ticks):  {command}"]
-
-
-def _short(routes_spec: str) -> str:
-    """Name a file without its folder: that is the same for all of them as a rule."""
-    return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]

@@ -185,7 +185,12 @@ def scenes_of(run: Run) -> Iterator[Scene]:
     Raises `UsageError` where no episode of the run has its trace.
     """
     twins = {id(run.twin(result)) for result in run.episodes}
-    shown = [result for result in run.episodes if id(result) not in twins and len(result.trace.rows)]
+    chosen = [result for result in run.episodes if id(result) not in twins]
+    shown = [result for result in chosen if len(result.trace.rows)]
+    if chosen and not any(result.ticks for result in chosen):
+        raise UsageError(
+            f"none of these episodes lasted a tick: {chosen[0].end_detail or describe_outcome(chosen[0])}."
+        )
     if not shown:
         raise UsageError("none of these episodes is in the store. Name it with --episodes, or drive them again.")
     maps = RoadMaps(run.records.simulator)
@@ -193,7 +198,7 @@ def scenes_of(run: Run) -> Iterator[Scene]:
         for result in shown:
             episode, twin = result.episode, run.twin(result)
             truth = maps.truth(run.records.route(episode.route_id), episode.seed)
-            episodes = {"clean": result} if twin is None else {"perturbed": result}
+            episodes = {"clean" if run.records.is_clean(episode.setting) else "perturbed": result}
             if twin is not None and len(twin.trace.rows):
                 episodes = {"clean": twin, **episodes}
             words = (episode.route_id, result.scenario, episode.setting, episode.agent, f"seed {episode.seed}")

@@ -20,7 +20,7 @@ _WORDS = ("key", "agent", "setting", "route_id")
 
 
 def write_csv_tables(run: Run, folder: Path) -> Iterator[Path]:
-    """Write each table that holds anything; yield the files."""
+    """Write each table, of one that holds nothing only the names of its columns; yield the files."""
     for table in TABLES:
         path = folder / f"{table}.csv"
         with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:

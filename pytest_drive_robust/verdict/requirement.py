@@ -155,8 +155,13 @@ class Requirement:
 
     @property
     def _range(self) -> float:
-        span = 1.0 if self.needs_clean else self.metric.high - self.metric.low
-        return span if math.isfinite(span) else _SCORE_RANGE
+        return span_of(self.metric)
+
+
+def span_of(metric: Metric) -> float:
+    """Return the length of the range of a metric, of which a verdict rule's margin is a share."""
+    span = 1.0 if metric.needs_clean else metric.high - metric.low
+    return span if math.isfinite(span) else _SCORE_RANGE
 
 
 class MarginRequirement(Requirement):

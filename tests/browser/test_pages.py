@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -10,9 +11,9 @@ from urllib.parse import quote
 
 import pytest
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
-from result_factory import infraction, make_result, scored
+from result_factory import infraction, make_result, scored, trace_of
 
-from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
@@ -25,7 +26,7 @@ from pytest_drive_robust.report.pages.folder import write_pages
 from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.routes import resolve_routes
-from pytest_drive_robust.store.events import Asked, Used
+from pytest_drive_robust.store.events import Asked, Judged, Used
 
 pytestmark = pytest.mark.slow
 
@@ -173,14 +174,14 @@ def test_two_runs_are_compared_and_a_flip_opens_both(opened):
     assert page.locator("figcaption strong").all_inner_texts()[0].startswith("before:")
 
 
-def clean_run(*results: EpisodeResult) -> RunRecords:
+def clean_run(*results: EpisodeResult, judged: Sequence[Judged] = ()) -> RunRecords:
     """Return a run of clean episodes."""
     found = {str(result.episode): result for result in results}
     keys: dict[str, list[str]] = {}
     for key, result in found.items():
         keys.setdefault(result.episode.agent, []).append(key)
     asked = [Asked(agent, "one-per-scenario", "clean", (0,), tuple(of_agent)) for agent, of_agent in keys.items()]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, *judged, Used(tuple(found))], found.get, versions={})
     return RunRecords.of(run_as_json(run), found.get, default_registry(), label=", ".join(keys))
 
 
@@ -215,6 +216,43 @@ def test_every_episode_shows_its_own_film(opened, tmp_path):
         page.wait_for_selector("canvas")
         shown += [video.get_attribute("src") for video in page.locator("video").all()]
     assert shown == [f"films/{film.name}" for film in films]  # the first episode has none
+
+
+def test_the_same_sentence_on_other_routes_has_its_own_row_and_page(opened, tmp_path):
+    found = {name: scored(name, score) for name, score in (("101", 100.0), ("301", 20.0))}
+    asked = [Asked("driver", name, "clean", (0,), (name,)) for name in found]
+    judged = [
+        Judged("t", "DS under clean >= 50", "driver", name, (0,), "DS", "clean", ">=", 50.0, word, value, routes=1)
+        for name, word, value in (("101", "pass", 100.0), ("301", "fail", 20.0))
+    ]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, *judged, Used(tuple(found))], found.get, versions={})
+    records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="two sets")
+    report = opened(write_pages(tmp_path, records).parent)
+    page = report.go("#/?metric=DS")
+    assert page.locator(".matrix tbody th").all_inner_texts() == ["clean on 101", "clean on 301"]
+    assert page.locator(".matrix tbody td").all_inner_texts() == ["100.0", "20.0"]
+    report.follow(page.locator("tr", has=page.locator(".badge.fail")).first.locator("th a"))
+    assert text(page).endswith("fail DS under clean >= 50 on 301")
+    assert "DS is 20.0" in page.locator("main").inner_text()
+
+
+def test_a_metric_of_a_user_is_shown_as_precisely_as_in_the_table(opened, tmp_path):
+    judged = Judged("t", "late under clean <= 0.03", "driver", "one-per-scenario", (0,), "late", "clean", "<=", 0.03,
+                    "fail", 0.04, routes=1)  # fmt: skip
+    page = opened(write_pages(tmp_path, clean_run(make_result("101"), judged=[judged])).parent).go()
+    assert "0.04" in page.locator("table.requirements td.number").first.inner_text()
+
+
+def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(opened, tmp_path):
+    setting = "200 ms latency"
+    broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))
+    found = {"clean": make_result("101"), setting: replace(broken, ticks=0)}
+    asked = [Asked("driver", "one-per-scenario", name, (0,), (name,)) for name in found]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="broken")
+    page = opened(write_pages(tmp_path, records).parent).go(f"#/episode/driver/{quote(setting)}/101/0")
+    assert "It ended before its first tick, so there is nothing to replay: ValueError: no" in text(page, "main")
+    assert page.locator("canvas").count() == 0
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

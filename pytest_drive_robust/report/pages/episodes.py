@@ -20,9 +20,11 @@ class EpisodeTable:
 
     COLUMNS = (
         "run", "agent", "setting", "route", "seed", "outcome", "end", "story", "ds", "success", "completion",
-        "efficiency", "comfort", "seconds", "wall", "twin", "parted", "partedBy", "events", "spans", "trace", "key",
+        "efficiency", "comfort", "seconds", "dt", "wall", "clean", "twin", "parted", "partedBy", "events", "spans",
+        "trace", "key",
     )  # fmt: skip
-    """`run` is 0 for the run and 1 for the one that it is compared with; words are numbers into `words`."""
+    """`run` is 0 for the run and 1 for the one that it is compared with; words are numbers into `words`; `dt` is the
+    tick in seconds; `clean` is 1 under a setting that others are compared with."""
 
     def __init__(self) -> None:
         self.results: list[EpisodeResult] = []
@@ -48,7 +50,17 @@ class EpisodeTable:
             self.numbers[run, ident] = len(self.rows)
             self.results.append(result)
             mode = records.document["settings"]["metrics"]
-            self.rows.append(self._row(result, twin, twin_number, run=run, mode=mode, key=records.keys[ident]))
+            self.rows.append(
+                self._row(
+                    result,
+                    twin,
+                    twin_number,
+                    run=run,
+                    mode=mode,
+                    key=records.keys[ident],
+                    clean=records.is_clean(ident[1]),
+                )
+            )
 
     def as_data(self) -> dict[str, Any]:
         """Return columns by name, and the words."""
@@ -59,7 +71,15 @@ class EpisodeTable:
         }
 
     def _row(
-        self, result: EpisodeResult, twin: EpisodeResult | None, twin_number: int, *, run: int, mode: str, key: str
+        self,
+        result: EpisodeResult,
+        twin: EpisodeResult | None,
+        twin_number: int,
+        *,
+        run: int,
+        mode: str,
+        key: str,
+        clean: bool,
     ) -> list[Any]:
         episode = result.episode
         scored = result.outcome is not Outcome.INFRA_ERROR
@@ -82,7 +102,9 @@ class EpisodeTable:
             None if speed is None else round(speed, 1),
             None if calm is None else round(calm, 1),
             round(result.game_s, 2),
+            result.dt_s,
             round(result.wall_s, 3),
+            int(clean),
             twin_number,
             None if parted is None else round(parted.second, 2),
             self.word("" if parted is None else parted.signal),

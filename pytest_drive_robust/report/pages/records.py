@@ -75,14 +75,15 @@ class RunRecords:
             raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
         if len(results) < len(idents):  # as of two files
             agent, setting, route_id, _ = next(ident for ident in idents if idents.count(ident) > 1)
-            raise UsageError(
-                f"the run {label!r} holds two routes with the id {route_id!r} for {agent} under {setting}, so they "
-                "cannot be told apart. Give the routes of one file other ids, or drive the files in two runs."
-            )
+            raise _same_id(label, route_id, f" for {agent} under {setting}")
         simulator = _found(lambda: registry.simulator(name), None)
         routes: dict[str, tuple[Route, ...]] = (
             {} if simulator is None else {spec: _found(partial(routes_for, spec, simulator), ()) for spec in specs}
         )
+        found: dict[str, Route] = {}
+        for route in (route for spec in routes.values() for route in spec):
+            if found.setdefault(route.id, route) != route and any(ident[2] == route.id for ident in idents):
+                raise _same_id(label, route.id)
         return cls(
             label=label,
             document=document,
@@ -97,11 +98,20 @@ class RunRecords:
         """Return a route of the run; None when its specification does not lead to it any more."""
         return next((route for routes in self.routes.values() for route in routes if route.id == route_id), None)
 
+    def spec_of(self, route_id: str) -> str:
+        """Return the route specification that holds a route; the first of the run where none can be resolved."""
+        specs = (spec for spec, routes in self.routes.items() for route in routes if route.id == route_id)
+        return next(specs, "") or next((str(row["routes_spec"]) for row in self.document["summaries"]), "")
+
+    def is_clean(self, setting: str) -> bool:
+        """True for a setting that others are compared with."""
+        return self.baselines.get(setting, str(Setting.CLEAN)) == setting
+
     def twin(self, ident: Ident) -> EpisodeResult | None:
         """Return the clean episode that one under a setting is compared with; None for a clean one."""
         agent, setting, route_id, seed = ident
         baseline = self.baselines.get(setting, str(Setting.CLEAN))
-        return None if setting == baseline else self.results.get((agent, baseline, route_id, seed))
+        return None if self.is_clean(setting) else self.results.get((agent, baseline, route_id, seed))
 
     def of_setting(
         self, agent: str, setting: str, route_ids: Iterable[str], seeds: Sequence[int]
@@ -109,6 +119,13 @@ class RunRecords:
         """Return the episodes of these routes and seeds that the run holds, in this order."""
         idents = ((agent, setting, route_id, seed) for route_id in route_ids for seed in seeds)
         return [self.results[ident] for ident in idents if ident in self.results]
+
+
+def _same_id(label: str, route_id: str, where: str = "") -> UsageError:
+    return UsageError(
+        f"the run {label!r} holds two routes with the id {route_id!r}{where}, so they cannot be told apart. Give the "
+        "routes of one file other ids, or drive the files in two runs."
+    )
 
 
 def stored_episodes(folder: Path) -> Find:

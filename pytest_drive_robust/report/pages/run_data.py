@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -17,8 +16,10 @@ from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
 from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.pages.road_map import RoadMaps
+from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
+from pytest_drive_robust.verdict.requirement import span_of
 
 _OPEN = "neither broken nor within its margin is shown"
 
@@ -53,7 +54,7 @@ def run_data(
             }
             for metric in METRICS.values()
         },
-        "rows": [_row(row, document["settings"]["simulator"]) for row in document["summaries"]],
+        "rows": _rows(document["summaries"]),
         "requirements": [_requirement(records, item) for item in document.get("requirements", ())],
         "routes": _routes(records, table),
         "clusters": _clusters(records, table, maps),
@@ -62,7 +63,12 @@ def run_data(
     }
 
 
-def _row(row: Mapping[str, Any], simulator: str) -> dict[str, Any]:
+def _rows(summaries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    labels = row_labels([(row["setting"], row["routes_spec"], row["seeds"]) for row in summaries])
+    return [{**_row(row), "label": label} for row, label in zip(summaries, labels, strict=True)]
+
+
+def _row(row: Mapping[str, Any]) -> dict[str, Any]:
     summary = row.get("summary") or {}
     numbers = {"DS": summary.get("ds"), "SR": summary.get("sr"), "RD": row.get("rd")}
     numbers |= {"efficiency": summary.get("efficiency"), "comfort": summary.get("comfort")}
@@ -70,9 +76,6 @@ def _row(row: Mapping[str, Any], simulator: str) -> dict[str, Any]:
         "agent": row["agent"],
         "privileged": row.get("privileged", False),
         "setting": row["setting"],
-        "routesSpec": row["routes_spec"],
-        # found again by their ids alone, or only with the specification
-        "routesAre": "known" if row["routes_spec"] == simulator or ships(row["routes_spec"]) else "elsewhere",
         "numbers": numbers,
         "intervals": {"DS": row.get("ds_interval"), "RD": _finite(row.get("rd_interval"))},
         "abilities": summary.get("abilities", {}),
@@ -92,10 +95,11 @@ def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, An
     reason = judged.get("message", "") or (_OPEN if judged["verdict"] == "inconclusive" else "")
     names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
     margin = records.document["settings"].get("margin", 0.0)
-    span = 0.0 if metric is None else (metric.high - metric.low if math.isfinite(metric.high - metric.low) else 1.0)
-    lenient = float(judged["limit"]) + margin * (span if judged["comparison"] == "<=" else -span)  # shown for a pass
+    reach = 0.0 if metric is None else margin * span_of(metric)
+    lenient = float(judged["limit"]) + (reach if judged["comparison"] == "<=" else -reach)  # shown for a pass
     return {
         **{name: judged[name] for name in names},
+        "routesSpec": judged["routes_spec"],
         "low": bound(judged.get("low")),
         "high": bound(judged.get("high")),
         "routes": judged["routes"],
@@ -123,8 +127,12 @@ def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
         if route_id in found:
             continue
         route = records.route(route_id)
+        spec = records.spec_of(route_id)
+        known = spec == records.document["settings"]["simulator"] or ships(spec)
         found[route_id] = {
             "id": route_id,
+            # where it is found again, unless by its id alone
+            "file": "" if known else spec,
             "scenario": result.scenario,
             "town": "" if route is None else route.town,
             "weather": "" if route is None else weather_name(route.weather),
@@ -161,7 +169,7 @@ def _missing(records: RunRecords) -> list[str]:
                 f"{row['agent']} under {row['setting']}: {left} of {row['episodes_needed']} episodes were not driven, "
                 "because the run ended before."
             )
-    unread = sum(not len(result.trace.rows) for result in records.results.values())
+    unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in records.results.values())
     if unread:
         lines.append(f"{unread} of {len(records.results)} episodes are not in the store, so they cannot be replayed.")
     return lines

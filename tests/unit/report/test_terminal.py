@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 from result_factory import crashed_simulation, make_result, scored
 
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.report.github import step_summary
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
@@ -84,6 +86,43 @@ def test_as_many_metrics_have_columns_as_fit():
     assert max(map(len, (head, *lines))) <= 100
 
 
+def test_names_are_folded_and_numbers_are_never_cut():
+    results = [scored(str(number), 100.0) for number in range(9)]
+    settings = ("200 ms latency", "1 s burst frame drop")
+    names = ("mypackage.drivers:TransfuserV1", "mypackage.drivers:TransfuserV2")
+    rows = tuple(
+        replace(
+            run_of((setting, results)).rows[0],
+            agent=name,
+            results=tuple(replace(result, privileged=name == names[0]) for result in results),
+            ds_interval=(24.0, 78.0),
+            rd=0.31,
+            rd_interval=(0.12, 0.71),
+            judged={"efficiency": 99.0, "comfort": 58.97, "time_to_collision": 1.25},
+            verdict="inconclusive",
+        )
+        for name in names
+        for setting in settings
+    )
+    run = replace(run_of((settings[0], results)), rows=rows)
+    for colour in (False, True):
+        text = re.sub(r"\x1b\[[\d;]*m", "", run_summary(run, colour=colour))
+        lines = text.splitlines()
+        table = lines[: next(number for number, line in enumerate(lines) if line.startswith("* priv"))]
+        width = next(line.index("setting") for line in table if "setting" in line)
+        told = "".join(line[:width].strip(" ─") for line in table)
+        assert told.startswith(f"agent{names[0]}*{names[0]}*{names[1]}")
+        for word in ("(24 to 78)", "(0.12 to 0.71)", "100.00", "1.25", "inconclusive", "9"):
+            assert sum(line.count(f"{word} ") + line.endswith(word) for line in table) >= 4, (word, text)
+        assert "latency" in text
+        assert "drop" in text
+
+
+def test_a_message_is_printed_as_it_is():
+    broken = [make_result("1", end=End.AGENT_CRASHED, end_detail="ValueError: map.py:100: off the map, a:b:c")]
+    assert "map.py:100: off the map, a:b:c" in run_summary(run_of(("clean", broken)), colour=False)
+
+
 def test_agent_errors_are_listed_once_per_reason():
     broken = [make_result(str(number), end=End.AGENT_CRASHED, end_detail="ValueError: no") for number in range(5)]
     text = run_summary(run_of(("clean", broken)), colour=False)
@@ -128,6 +167,32 @@ def test_an_interrupted_setting_says_how_much_is_there():
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]
     assert "before all episodes of this setting were driven" in text
+
+
+def test_a_row_has_the_verdicts_of_all_names_of_its_routes():
+    found = {"a": make_result("101"), "b": make_result("102")}
+    asked = [Asked("driver", spec, "clean", (0,), ("a", "b"), ()) for spec in ("mine.xml", "./mine.xml")]
+    judged = [replace(verdict("clean", "pass"), metric="DS", value=100.0, routes_spec="mine.xml")]
+    judged += [replace(verdict("clean", "fail"), metric="comfort", value=12.5, routes_spec="./mine.xml")]
+    run = RunResult.of(RunOptions(), [*asked, *judged, Used(("a", "b"))], found.get, versions={})
+    (row,) = run.rows
+    assert row.verdict == "fail"
+    assert row.judged == {"DS": 100.0, "comfort": 12.5}
+
+
+def test_rows_on_other_routes_or_seeds_say_so():
+    found = {name: make_result(name) for name in "abc"}
+    asked = [
+        Asked("driver", "101", "clean", (0,), ("a",), ()),
+        Asked("driver", "101", "clean", (0, 1), ("a", "c"), ()),
+        Asked("driver", "mine/night.xml", "clean", (0,), ("b",), ()),
+    ]
+    run = RunResult.of(RunOptions(), [*asked, Used(tuple(found))], found.get, versions={})
+    names = ["clean on 101, seed 0", "clean on 101, seeds 0, 1", "clean on night.xml, seed 0"]
+    lines = run_summary(run, colour=False).splitlines()
+    assert [re.split(r" {2,}", line)[1] for line in lines[1:4]] == names
+    markdown = step_summary(run)
+    assert all(f"| {name} |" in markdown for name in names)
 
 
 def test_a_run_that_asked_for_nothing_has_no_table():

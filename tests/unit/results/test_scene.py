@@ -1,10 +1,45 @@
-"""Names of exported files."""
+"""What is exported of which episodes, and the names of its files."""
 
 from __future__ import annotations
 
-import pytest
+from dataclasses import replace
 
-from pytest_drive_robust.results.scene import Scene
+import pytest
+from result_factory import make_result, trace_of
+
+from pytest_drive_robust.domain.outcome import End
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.results.run import Run
+from pytest_drive_robust.results.scene import Scene, scenes_of
+from pytest_drive_robust.store.events import Asked, Used
+
+SETTING = "200 ms latency"
+
+
+def run_of(*results: EpisodeResult) -> Run:
+    found = {str(number): result for number, result in enumerate(results)}
+    asked = [Asked("driver", "101", result.episode.setting, (0,), (key,)) for key, result in found.items()]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    return Run.of(RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run"))
+
+
+def test_an_episode_under_a_failure_is_called_perturbed_with_or_without_its_twin() -> None:
+    clean, late = make_result("101"), make_result("101", setting=SETTING)
+    assert [list(scene.episodes) for scene in scenes_of(run_of(clean, late))] == [["clean", "perturbed"]]
+    assert [list(scene.episodes) for scene in scenes_of(run_of(late))] == [["perturbed"]]
+    assert [list(scene.episodes) for scene in scenes_of(run_of(clean))] == [["clean"]]
+
+
+def test_episodes_that_ended_before_a_tick_are_not_said_to_be_missing() -> None:
+    broken = replace(make_result("101", end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0)), ticks=0)
+    with pytest.raises(UsageError, match=r"none of these episodes lasted a tick: ValueError: no\."):
+        list(scenes_of(run_of(broken)))
 
 
 def name_of(title: str) -> str:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from report_pages import data_of, motion_of
 from result_factory import FULL, crashed_simulation, infraction, make_result, scored, trace_of
 
-from pytest_drive_robust.domain.outcome import InfractionKind
+from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import Given, Reception, Touch
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
@@ -24,8 +26,10 @@ from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
 from pytest_drive_robust.report.pages.records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import Asked, Judged, Used
+from pytest_drive_robust.verdict.sentences import parse_requirement
 
 SETTING = "200 ms latency"
 EVIL = '</script><img src=x onerror="alert(1)">\u2028'
@@ -153,6 +157,52 @@ def test_an_episode_without_a_trace_is_listed_and_has_no_motion(tmp_path):
 def test_two_routes_of_one_id_are_refused(tmp_path):
     with pytest.raises(UsageError, match=r"the run 'a run' holds two routes with the id '101' for \S+ under clean"):
         records(make_result("101"), make_result("102"), make_result("101"))
+
+
+def test_two_files_with_one_id_are_refused_under_different_settings_too(tmp_path):
+    first, second = resolve_routes("one-per-scenario")[:2]
+    files = [str(tmp_path / name) for name in ("a.xml", "b.xml")]
+    for file, route in zip(files, (first, second), strict=True):
+        save_routes([replace(route, id="101")], Path(file))
+    found = {"a": make_result("101"), "b": make_result("101", setting=SETTING)}
+    settings = ("clean", SETTING)
+    asked = [
+        Asked("driver", *scope, (0,), (key,))
+        for scope, key in zip(zip(files, settings, strict=True), "ab", strict=True)
+    ]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(("a", "b"))], found.get, versions={})
+    with pytest.raises(UsageError, match=r"the run 'a run' holds two routes with the id '101', so they cannot be told"):
+        RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run")
+
+
+def test_a_route_is_driven_again_from_the_file_that_holds_it(tmp_path):
+    routes = resolve_routes("one-per-scenario")[:2]
+    files = [str(tmp_path / name) for name in ("a.xml", "b.xml")]
+    for file, route in zip(files, routes, strict=True):
+        save_routes([replace(route, id=f"mine {route.id}")], Path(file))
+    found = {route.id: make_result(f"mine {route.id}") for route in routes}
+    asked = [Asked("driver", file, "clean", (0,), (key,)) for file, key in zip(files, found, strict=True)]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    write_pages(tmp_path / "out", RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run"))
+    data = data_of(tmp_path / "out")
+    assert [route["file"] for route in data["routes"]] == files
+    assert [row["label"] for row in data["rows"]] == ["clean on a.xml", "clean on b.xml"]
+
+
+def test_an_episode_that_ended_before_its_first_tick_is_not_said_to_be_missing(tmp_path):
+    found, find = document(replace(make_result("101", end=End.AGENT_CRASHED, trace=trace_of(0)), ticks=0))
+    write_pages(tmp_path, RunRecords.of(found, find, default_registry(), label="x"))
+    assert data_of(tmp_path)["notes"] == []
+
+
+def test_the_limit_and_the_margin_are_those_of_the_rule(tmp_path):
+    judged = Judged("t", "efficiency under clean >= 60", "driver", "one-per-scenario", (0,), "efficiency", "clean",
+                    ">=", 60.0, "pass", 80.0, 55.0, 90.0, 1, planned=44, rule="evidence")  # fmt: skip
+    given = records(make_result("101"), judged=[judged])
+    write_pages(tmp_path, given)
+    rule = VerdictRule("evidence", margin=given.document["settings"]["margin"])
+    (item,) = data_of(tmp_path)["requirements"]
+    assert 60.0 - item["lenient"] == pytest.approx(parse_requirement(judged.requirement).margin(rule))
 
 
 def test_the_road_of_a_route_that_is_not_there_any_more_is_missing_and_nothing_else(tmp_path):
