@@ -69,4 +69,4 @@ def _compare(options: argparse.Namespace) -> int:
     print(comparison_text(comparison, colour=sys.stdout.isatty()))
     if comparison.refusals:
         return 4
-    return 1 if comparison.regressions else 0
+    return 1 if comparison.regressed else 0

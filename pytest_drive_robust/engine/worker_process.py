@@ -53,6 +53,7 @@ class WorkerProcess:
                 state = shared_file(tick_cap)
                 theirs.callback(os.close, state)
                 self.state = SharedState(state)
+                self.state.clear()  # zeros would say that the agent is being made, and blame it for our own death
                 inherited = their_socket.fileno(), self._output, state
                 socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *inherited])
             self.pid = self._read_pid()

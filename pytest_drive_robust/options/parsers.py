@@ -86,7 +86,7 @@ def gigabytes(given: GivenText) -> int | None:
     if not given.text:
         return None
     value = _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
-    if not (math.isfinite(value) and value > 0):
+    if not (math.isfinite(value) and int(value * 1e9) > 0):
         raise UsageError(f"{given.flag} is {given.text!r}, expected gigabytes > 0, as in {given.flag} 4.")
     return int(value * 1e9)
 

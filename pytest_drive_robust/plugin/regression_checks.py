@@ -92,4 +92,4 @@ class RegressionChecks:
         except DriveRobustError as error:
             self._lines.append(f"ERROR: not compared with {before.label}: {error}")
             return True
-        return bool(self.comparison.refusals or self.comparison.regressions)
+        return bool(self.comparison.refusals) or self.comparison.regressed

@@ -28,13 +28,17 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
     """
     terms = terms or Terms()
     renamed = _renamed(before, after)
-    cells, found, notes = [], list[Mismatch](), list[str]()
+    cells, found, notes, unscored = [], list[Mismatch](), list[str](), list[str]()
     if renamed:
         notes.append(f"{' and '.join(renamed.values())} is compared with {' and '.join(renamed)}")
     for (agent, setting), new in after.cells.items():
         old = before.cells.get((renamed.get(agent, agent), setting))
+        if old is not None and new.broken and not new.routes:
+            unscored.append(f"{agent} under {setting}: {_not_scored(new)}")
+            continue
         if old is None or not _pairs(old, new):
-            notes.append(f"not in {before.label}: {agent} under {setting}")
+            what = "" if old is None else " on the same routes"
+            notes.append(f"not in {before.label}{what}: {agent} under {setting}")
             continue
         cells.append(_compared(before, after, (old, new), terms))
         found += _cell_mismatches(old, new)
@@ -45,7 +49,14 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
     notes += _about_rules(cells)
     first = next(score for cell in after.cells.values() for score in cell.routes.values())
     return Comparison(
-        before, after, terms, tuple(cells), tuple(dict.fromkeys(found)), first.fingerprint, tuple(sorted(notes))
+        before=before,
+        after=after,
+        terms=terms,
+        cells=tuple(cells),
+        mismatches=tuple(dict.fromkeys(found)),
+        fingerprint=first.fingerprint,
+        notes=tuple(sorted(notes)),
+        unscored=tuple(unscored),
     )
 
 
@@ -85,6 +96,11 @@ def _listed(numbers: Iterable[int]) -> str:
 
 def _broken(cell: Cell) -> str:
     return f", {len(cell.broken)} not scored: {cell.broken[0]}" if cell.broken else ""
+
+
+def _not_scored(cell: Cell) -> str:
+    more = f" and {len(cell.broken) - 1} more" if len(cell.broken) > 1 else ""
+    return f"not scored: {cell.broken[0]}{more}"
 
 
 def _pairs(old: Cell, new: Cell) -> list[Pair]:
@@ -147,8 +163,7 @@ def _findings(
 ) -> Iterable[Finding]:
     for allowance in allowances:
         if new.broken:
-            more = f" and {len(new.broken) - 1} more" if len(new.broken) > 1 else ""
-            yield Finding(allowance, "error", f"not scored: {new.broken[0]}{more}")
+            yield Finding(allowance, "error", _not_scored(new))
         elif allowance.metric == "RD":
             yield _rise(new, quartets, allowance, kind)
         else:

@@ -94,7 +94,10 @@ class CellComparison:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All of it. `fingerprint` is that of the new run's first agent, for replay commands."""
+    """All of it. `fingerprint` is that of the new run's first agent, for replay commands.
+
+    `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none.
+    """
 
     before: Snapshot
     after: Snapshot
@@ -103,6 +106,7 @@ class Comparison:
     mismatches: tuple[Mismatch, ...]
     fingerprint: Fingerprint
     notes: tuple[str, ...] = ()
+    unscored: tuple[str, ...] = ()
 
     @property
     def refusals(self) -> tuple[Mismatch, ...]:
@@ -113,6 +117,11 @@ class Comparison:
     def regressions(self) -> tuple[CellComparison, ...]:
         """The settings that got worse than allowed."""
         return tuple(cell for cell in self.cells if cell.regressed)
+
+    @property
+    def regressed(self) -> bool:
+        """True when the new run must not pass for as good as the old one, if the two can be compared."""
+        return bool(self.regressions or self.unscored)
 
     @property
     def mean_rises(self) -> dict[str, Rise]:

@@ -23,7 +23,7 @@ def comparison_text(comparison: Comparison, *, colour: bool) -> str:
         page.print(line, wraps=False)
     if not comparison.refusals:
         page.table(("DS", "SR", "RD", "routes"), map(_row, comparison.cells), agent_width=14)
-        for line in (*_stories(comparison), *_mean_lines(comparison)):
+        for line in (*(f"error: {told}" for told in comparison.unscored), *_stories(comparison), *_mean_lines(comparison)):
             page.print(line, wraps=False)
     page.print(conclusion(comparison), wraps=False)
     return page.text
@@ -38,12 +38,11 @@ def conclusion(comparison: Comparison) -> str:
             "Drive both runs with the same, or give --on-mismatch=warn (in pytest --drive-on-mismatch=warn)."
         )
     unsure = sum(cell.verdict == "inconclusive" for cell in comparison.cells)
-    count = counted(len(comparison.cells), "setting")
-    if comparison.regressions:
-        first = comparison.regressions[0]
-        what = f"{first.agent} under {first.setting}"
-        more = f" and {len(comparison.regressions) - 1} more" if len(comparison.regressions) > 1 else ""
-        return f"REGRESSION: {len(comparison.regressions)} of {count} against {label}: {what}{more}"
+    count = counted(len(comparison.cells) + len(comparison.unscored), "setting")
+    if comparison.regressed:
+        worse = [*(f"{cell.agent} under {cell.setting}" for cell in comparison.regressions), *comparison.unscored]
+        more = f" and {len(worse) - 1} more" if len(worse) > 1 else ""
+        return f"REGRESSION: {len(worse)} of {count} against {label}: {worse[0]}{more}"
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
         return f"no regression: not one score changed in {count} against {label}"
     return f"no regression shown in {count} against {label}" + (f", {unsure} inconclusive" if unsure else "")

@@ -8,8 +8,9 @@ such a pair, so one judge serves them all.
 
 After every route a betting e-process may decide (alpha / 5; valid however often one looks: Waudby-Smith and Ramdas
 2024, "Estimating means of bounded random variables by betting"). When the routes run out there is one look with Hall's
-skewness-corrected t test (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"), with one
-pessimistic pseudo route on the pass side, because rare failures that were not seen yet would make it too sure.
+skewness-corrected t test (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"). What is rare and
+was not seen yet would make it too sure, so there is one pessimistic pseudo route on the pass side, and where no route
+speaks for the requirement a fail takes so many that the best ones could not have stayed away by chance (`last_fail_p`).
 """
 
 from __future__ import annotations
@@ -87,6 +88,21 @@ def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     skew = fsum((value - mean) ** 3 for value in values) / count / max(spread, 1e-6) ** 3
     straight = share + skew * share**2 / 3.0 + skew**2 * share**3 / 27.0 + skew / (6.0 * count)
     return student_t_chance(count - 1, straight * math.sqrt(count))
+
+
+def last_fail_p(forms: LinearForms, holds: Sequence[float]) -> float:
+    """Return the p-value of the last look against "it holds", of the `holds` of `FEWEST_FOR_T` routes or more.
+
+    Where no hold is above 0 it is no less than the chance that so many routes show none of those that make up for the
+    others, when the requirement just holds by the best that the range allows among the worst: for holds in -f..m that
+    is (m / (m + f)) ** routes. Twenty routes that fail say little about a success rate of 0.05. Where the range has no
+    end nobody knows that chance, and it is not asked for.
+    """
+    p_value = mean_below_zero_p(holds, scale=forms.scale)
+    worst_and_best = forms.most + forms.floor
+    if 0.0 < worst_and_best < math.inf and max(holds) <= _ROUNDING * forms.scale:
+        p_value = max(p_value, (forms.most / worst_and_best) ** len(holds))
+    return p_value
 
 
 @dataclass(frozen=True, slots=True)
@@ -194,5 +210,5 @@ def fail_p_value(
     largest = max((wealth.bet(share_of(forms.most, -hold)) for hold in holds), default=1.0)
     p_value = 1.0 / (EARLY_SHARE * largest)
     if ended and len(holds) >= FEWEST_FOR_T:
-        p_value = min(p_value, mean_below_zero_p(holds, scale=forms.scale) / (1.0 - EARLY_SHARE))
+        p_value = min(p_value, last_fail_p(forms, holds) / (1.0 - EARLY_SHARE))
     return min(1.0, p_value)

@@ -27,6 +27,7 @@ from pytest_drive_robust.stats.evidence import (
     LinearForms,
     Wealth,
     degradation_forms,
+    last_fail_p,
     mean_below_zero_p,
     share_of,
 )
@@ -147,7 +148,7 @@ class EvidenceJudge(Judge):
         late = 1.0 - EARLY_SHARE
         scale = max((bound for bound in (self.forms.most, self.forms.least) if bound < math.inf), default=1.0)
         if self.routes >= FEWEST_FOR_T:
-            p_value = mean_below_zero_p(self._holds, scale=scale)
+            p_value = last_fail_p(self.forms, self._holds)
             if p_value <= self._alpha * late:
                 return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
             if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:

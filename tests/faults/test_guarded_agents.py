@@ -141,6 +141,14 @@ def test_many_slow_calls_are_too_slow_together(make_supervisor: Callable[..., Su
     assert result.route_completion_pct > 0.0
 
 
+def test_a_worker_that_dies_before_its_agent_is_made_is_no_fault_of_the_agent(
+    make_supervisor: Callable[..., Supervisor],
+) -> None:
+    result = make_supervisor(Limits(episode_s=300.0, memory_bytes=50_000_000)).drive(request("Steady"))
+    assert (result.outcome, result.end) == (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED)
+    assert "constructor" not in result.end_detail
+
+
 def test_memory_without_end_is_refused(make_supervisor: Callable[..., Supervisor]) -> None:
     supervisor = make_supervisor(Limits(episode_s=300.0, memory_bytes=700_000_000))
     result = supervisor.drive(request("TakesTooMuchMemory"))

@@ -21,9 +21,9 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
         "beforeMade": comparison.before.made,
         "after": comparison.after.label,
         "conclusion": conclusion(comparison),
-        "regressed": bool(comparison.regressions),
+        "regressed": comparison.regressed,
         "refused": refused,
-        "notes": [*(item.text for item in comparison.mismatches), *comparison.notes],
+        "notes": [*comparison.unscored, *(item.text for item in comparison.mismatches), *comparison.notes],
         "means": {} if refused else {agent: asdict(rise) for agent, rise in comparison.mean_rises.items()},
         "settings": [] if refused else [_setting(comparison, cell) for cell in comparison.cells],
     }

@@ -15,6 +15,7 @@ from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.fingerprint import AgentPrint
 from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.snapshot import Cell
+from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.stats import gate
 
 BUSY = [100.0, 60.0, 100.0, 36.0, 100.0, 100.0, 20.0, 80.0] * 8
@@ -144,6 +145,20 @@ def test_an_episode_that_broke_now_is_an_error() -> None:
     (found,) = compare(snapshot(cell(BUSY)), snapshot(broken)).cells
     assert found.verdict == "error"
     assert "no map" in found.findings[0].problem
+
+
+@pytest.mark.parametrize("told", ["7, seed 0: no map", "24 episodes were not driven, as the run ended before"])
+def test_a_setting_of_which_nothing_was_scored_is_a_regression(told: str) -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="200 ms latency"))
+    new = snapshot(cell(BUSY), cell([], setting="200 ms latency", broken=(told,)))
+    comparison = compare(old, new)
+    assert [item.verdict for item in comparison.cells] == ["pass"]
+    assert comparison.unscored == (f"driver under 200 ms latency: not scored: {told}",)
+    assert comparison.regressed
+    assert comparison.notes == ()
+    text = comparison_text(comparison, colour=False)
+    assert f"error: driver under 200 ms latency: not scored: {told}" in text
+    assert "REGRESSION: 1 of 2 settings against " in text
 
 
 def test_only_common_routes_count_and_the_others_are_told() -> None:

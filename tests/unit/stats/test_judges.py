@@ -8,12 +8,12 @@ from collections.abc import Iterator, Sequence
 from statistics import fmean
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats import GateVerdict, gate
-from pytest_drive_robust.stats.evidence import degradation_forms, mean_forms
+from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, fail_p_value, mean_forms
 from pytest_drive_robust.stats.judges import EvidenceJudge, Judge, ListJudge, PointJudge, judge_by, read_until_decided
 
 RULE = degradation_forms(0.30)
@@ -204,6 +204,35 @@ def test_a_verdict_of_another_name_is_refused() -> None:
         judge_by("vote", RULE, planned=5)  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("forms", "succeeds"),
+    [
+        *[(mean_forms(share, ">=", margin=0.1, low=0.0, high=1.0), share) for share in (0.03, 0.05, 0.1, 0.2)],
+        *[(degradation_forms(limit), 1.0 - limit) for limit in (0.8, 0.9, 0.95)],
+    ],
+)
+@pytest.mark.parametrize("routes", [20, 44, 60])
+def test_what_just_holds_by_rare_successes_seldom_fails(forms: LinearForms, succeeds: float, routes: int) -> None:
+    draw, top = random.Random(7), 100.0 if forms.relative else 1.0
+    fails = 0
+    for _ in range(600):
+        drawn = [(top * (draw.random() < succeeds), top) for _ in range(routes)]
+        decision, _ = read_until_decided(EvidenceJudge(forms), drawn)
+        fails += decision == "fail"
+        p_value = fail_p_value(forms, [one for one, _ in drawn], [other for _, other in drawn])
+        assert (decision == "fail") is (p_value <= 0.05)
+    assert fails <= 0.05 * 600
+
+
+def test_many_routes_without_a_success_break_even_a_low_limit() -> None:
+    forms = mean_forms(0.05, ">=", margin=0.1, low=0.0, high=1.0)
+    assert [read(EvidenceJudge(forms), [(0.0, 0.0)] * routes)[0] for routes in (20, 60, 75)] == [
+        "inconclusive",
+        "inconclusive",
+        "fail",
+    ]
+
+
 scores = st.one_of(st.sampled_from([0.0, 60.0, 100.0]), st.floats(0.0, 100.0))
 gate_pairs = st.lists(st.tuples(scores, scores), min_size=1, max_size=80)
 
@@ -239,7 +268,8 @@ def reference(
         if within >= need:
             return "pass", count
     if len(hold) >= 20:
-        if p_mean_below_zero(hold) <= 0.8 * alpha:
+        unseen = (1.0 / (1.0 + keep)) ** len(hold) if max(hold) <= 1e-10 else 0.0
+        if max(unseen, p_mean_below_zero(hold)) <= 0.8 * alpha:
             return "fail", len(hold)
         if 1 - p_mean_below_zero([*slack, -100.0 * allow]) <= 0.8 * alpha:
             return "pass", len(hold)
@@ -249,13 +279,14 @@ def reference(
 @settings(max_examples=300)
 @given(
     gate_pairs.filter(lambda pairs: pairs[0][0] > 0.0),
-    st.floats(0.0, 0.7),
+    st.floats(0.0, 0.97),
     st.floats(0.02, 0.25),
     st.sampled_from([0.01, 0.05, 0.1]),
 )
 def test_the_gate_equals_the_rule_written_out(
     pairs: list[tuple[float, float]], threshold: float, margin: float, alpha: float
 ) -> None:
+    assume(threshold + margin < 0.99)  # beyond, the margin is cut
     clean, perturbed = map(list, zip(*pairs, strict=True))
 
     assert gate(clean, perturbed, threshold, margin, alpha) == reference(clean, perturbed, threshold, margin, alpha)
