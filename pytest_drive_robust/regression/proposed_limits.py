@@ -1,21 +1,24 @@
 """Limits that an agent meets with the distance that a verdict from evidence needs, out of a run that drove it.
 
 Evidence passes what is shown to be better than limit + margin, and so many routes tell apart what lies a `resolution`
-from each other. So a limit stands `max(resolution - margin, 0)` beyond the value. A list of fewer routes than evidence
-takes is judged by its value; there the distance is one step.
+from each other. So a limit stands `max(resolution - margin, 0)` beyond the value, and farther, step by step, until the
+scores that it rests on pass it: what fails seldom may not have been seen, and evidence reckons with that. A list of
+fewer routes than evidence takes is judged by its value; there the distance is one step.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
+from typing import cast
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
+from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
 from pytest_drive_robust.stats.resolution import resolution
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -40,13 +43,21 @@ def propose_limits(
     """Return a limit for each setting that `agent` was driven under: of DS for the clean one, of RD for the others.
 
     Left out is what no limit could be broken by (an RD that may be 1, a DS that may be 0) and an RD whose clean driving
-    score says nothing. Raises `UsageError` where nothing is left, and for an agent that is not in the run.
+    score says nothing. Raises `UsageError` where nothing is left, for an agent that is not in the run, and where some
+    of its episodes were not scored.
     """
     cells = {
         Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
     }
     if not cells:
         raise UnknownNameError.of("agent", agent, run.agents, hint=f"The run is {run.label!r}.")
+    broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
+    if broken:
+        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+        raise UsageError(
+            f"the run {run.label!r} is not whole: {agent} under {broken[0]}{more}. Such a run gives no limits: run its "
+            "command again."
+        )
     proposed = [_proposed(setting, cells, rule) for setting in cells]
     found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)
     if not found:
@@ -68,20 +79,36 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
     if len(shared) < _FEWEST_ROUTES or fmean(clean[route] for route in shared) < rule.clean_floor:
         return None
     count, mean = len(shared), fmean(clean[route] for route in shared)
+    pairs = [(scores[route], clean[route]) for route in shared]
     if setting.is_clean:
-        noise = stdev(scores.values())
-        limit = math.floor(round((mean - _spare(count, noise, 100.0, rule)) / (100.0 * _STEP), 6)) * 100.0 * _STEP
-        return (
-            ProposedLimit(Requirement("DS", setting, ">=", limit), mean, mean - limit, count) if limit > 0.0 else None
-        )
+        spare = _spare(count, stdev(scores.values()), 100.0, rule)
+        for steps in range(math.floor(round((mean - spare) / (100.0 * _STEP), 6)), 0, -1):
+            limit = steps * 100.0 * _STEP
+            requirement = Requirement("DS", setting, ">=", limit)
+            if _is_passed(requirement, pairs, rule):
+                return ProposedLimit(requirement, mean, mean - limit, count)
+        return None
     if setting == setting.baseline:
         return None
-    kept = fmean(scores[route] for route in shared) / mean
-    noise = stdev(scores[route] - kept * clean[route] for route in shared) / mean
-    limit = math.ceil(round((1.0 - kept + _spare(count, noise, 1.0, rule)) / _STEP, 6)) * _STEP
-    limit = round(max(limit, 0.0), 2)
-    value = 1.0 - kept
-    return ProposedLimit(Requirement("RD", setting, "<=", limit), value, limit - value, count) if limit < 1.0 else None
+    value = 1.0 - fmean(scores[route] for route in shared) / mean
+    noise = stdev(score - (1.0 - value) * before for score, before in pairs) / mean
+    for steps in range(
+        max(0, math.ceil(round((value + _spare(count, noise, 1.0, rule)) / _STEP, 6))), round(1 / _STEP)
+    ):
+        limit = round(steps * _STEP, 2)
+        requirement = Requirement("RD", setting, "<=", limit)
+        if _is_passed(requirement, pairs, rule):
+            return ProposedLimit(requirement, value, limit - value, count)
+    return None
+
+
+def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:
+    """Return whether the scores (this setting, clean) of all routes pass the requirement, one route after the other."""
+    rule = rule.for_routes(len(pairs))
+    judge = judge_by(
+        cast("VerdictKind", rule.kind), requirement.linear_forms(rule), planned=len(pairs), alpha=rule.alpha
+    )
+    return read_until_decided(judge, pairs)[0] == "pass"
 
 
 def _spare(count: int, noise: float, scale: float, rule: VerdictRule) -> float:

@@ -23,7 +23,11 @@ def comparison_text(comparison: Comparison, *, colour: bool) -> str:
         page.print(line, wraps=False)
     if not comparison.refusals:
         page.table(("DS", "SR", "RD", "routes"), map(_row, comparison.cells), agent_width=14)
-        for line in (*(f"error: {told}" for told in comparison.unscored), *_stories(comparison), *_mean_lines(comparison)):
+        for line in (
+            *(f"error: {told}" for told in comparison.unscored),
+            *_stories(comparison),
+            *_mean_lines(comparison),
+        ):
             page.print(line, wraps=False)
     page.print(conclusion(comparison), wraps=False)
     return page.text

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -12,6 +14,7 @@ from pytest_drive_robust.perturbations import BUILTIN
 from pytest_drive_robust.regression.fingerprint import Fingerprint
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
+from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 
 RULE = VerdictRule()
 
@@ -41,6 +44,31 @@ def test_the_agent_meets_what_is_proposed(pairs: list[tuple[float, float]]) -> N
     for item in limits(run([clean for clean, _ in pairs], [score for _, score in pairs])):
         assert item.requirement.is_met_by(round(item.value, 9))
         assert item.spare >= -1e-9
+
+
+@pytest.mark.parametrize("routes", [20, 30, 44, 100])
+@pytest.mark.parametrize("lost", [0, 1, 2, 5])
+def test_the_scores_that_a_limit_rests_on_pass_it(routes: int, lost: int) -> None:
+    clean = [100.0 if n % 4 else 60.0 for n in range(routes)]
+    perturbed = [0.0 if n < lost else score for n, score in enumerate(clean)]
+    found = limits(run(clean, perturbed))
+    assert len(found) == 2
+    for item in found:
+        pairs = zip(perturbed if item.requirement.needs_clean else clean, clean, strict=True)
+        judge = judge_by("evidence", item.requirement.linear_forms(RULE), planned=routes)
+        assert read_until_decided(judge, pairs)[0] == "pass", item
+
+
+def test_a_run_that_is_not_whole_gives_none() -> None:
+    whole = run([100.0] * 5, [90.0] * 5)
+    cells = {
+        key: replace(cell, broken=("3, seed 0: no map",)) if "ms" in key[1] else cell
+        for key, cell in whole.cells.items()
+    }
+    with pytest.raises(
+        UsageError, match="the run 'run' is not whole: driver under 200 ms latency on 3, seed 0: no map"
+    ):
+        limits(replace(whole, cells=cells))
 
 
 def test_more_routes_allow_a_limit_nearer_to_the_value() -> None:
