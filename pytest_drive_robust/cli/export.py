@@ -73,6 +73,7 @@ def _export(options: argparse.Namespace) -> int:
 def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
     if len(options.episodes) > 1:
         raise UsageError(f"--episodes is given {len(options.episodes)} times, expected one store.")
+    _require_folders(options.episodes)
     folder = Path(options.folder or "drive-export")
     run = read_run(options.run, store=options.episodes[0] if options.episodes else None).select(**chosen)
     try:
@@ -81,6 +82,12 @@ def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
             say(f"{path}: {path.stat().st_size / 1e6:.2f} MB")
     except OSError as error:
         raise UsageError(f"cannot write to {str(folder)!r}: {error.strerror}.") from None
+    unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in run.episodes)
+    if unread:
+        say(
+            f"{unread} of {len(run.episodes)} episodes are not in the store, so their ticks are missing; name another "
+            "store with --episodes"
+        )
     return 0
 
 
@@ -118,13 +125,16 @@ def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
     return towns, [spec for spec, of_spec in found.items() if not of_spec]
 
 
+def _require_folders(folders: Iterable[str]) -> None:
+    for folder in folders:
+        if not Path(folder).is_dir():
+            raise UsageError(f"--episodes is {folder!r}, expected a folder of stored episodes.")
+
+
 def _finder(folders: list[str]) -> Callable[[str], EpisodeResult | None]:
     """Return what finds `KEY.*` in the folders of stored episodes, or in the store of the project."""
-    given = [Path(folder) for folder in folders]
-    for folder in given:
-        if not folder.is_dir():
-            raise UsageError(f"--episodes is {str(folder)!r}, expected a folder of stored episodes.")
-    places = given or [home_of(Path.cwd()) / DEFAULT_STORE / "episodes"]
+    _require_folders(folders)
+    places = [Path(folder) for folder in folders] or [home_of(Path.cwd()) / DEFAULT_STORE / "episodes"]
     paths = {path.stem: path for place in places for path in sorted(place.rglob("*.*")) if path.is_file()}
 
     def find(key: str) -> EpisodeResult | None:

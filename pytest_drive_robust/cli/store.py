@@ -6,13 +6,14 @@ import argparse
 from pathlib import Path
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.numbers import counted, duration_text
 from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
+from pytest_drive_robust.store.record_files import is_store
 
 _MEGA = 1e6
 
@@ -87,6 +88,11 @@ def _verify(options: argparse.Namespace) -> int:
 def _gc(options: argparse.Namespace) -> int:
     folder = _folder(options)
     older_than_s = time_limit_s(GivenText("--older-than", options.older_than or ""))
+    if options.agent:
+        known = {agent for agent, _ in statistics(folder).by_agent}
+        for agent in options.agent:
+            if agent not in known:
+                raise UnknownNameError.of("agent", agent, known, hint=f"The store is {str(folder)!r}.")
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
     print(
         f"{folder}: {'would remove' if options.dry_run else 'removed'} {swept.records} episodes, {swept.set_aside} "
@@ -100,4 +106,6 @@ def _folder(options: argparse.Namespace) -> Path:
     if not folder.is_dir():
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
         raise UsageError(f"there is no store {str(folder)!r}.{advice}")
+    if not is_store(folder):
+        raise UsageError(f"{str(folder)!r} is no store: it has no folder 'episodes'. A project's is .drive-robust.")
     return folder

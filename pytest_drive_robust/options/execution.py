@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
+from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
 from pytest_drive_robust.options.parsers import gigabytes, one_of, time_limit_s
 
+_GUARDS = ("--drive-episode-timeout", "--drive-act-timeout", "--drive-memory")
 _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 
@@ -44,9 +45,10 @@ def _width(given: GivenText) -> int | None:
 class ExecutionOptions:
     """The choices of one run about how its episodes are driven; none of them but `lockstep` changes a number.
 
-    `lockstep` is how many episodes of an agent share a batch, None where all are driven one by one: a batch may round
-    otherwise than a single call does. `workers` is None for as many as fit; times are in seconds, None where there is
-    no limit, and `memory_bytes` too.
+    The executor `inline` drives in the process of pytest, where no limit of time or memory is kept. `lockstep` is how
+    many episodes of an agent share a batch, None where all are driven one by one: a batch may round otherwise than a
+    single call does. `workers` is None for as many as fit; times are in seconds, None where there is no limit, and
+    `memory_bytes` too.
     """
 
     executor: str = option("--drive-executor", parse=_executor)
@@ -64,6 +66,15 @@ class ExecutionOptions:
     def from_pytest_config(cls, config: OptionSource) -> ExecutionOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
         options = cls(**read_fields(cls, config))
+        if options.executor == "inline":
+            for flag in _GUARDS:
+                if asked_for(flag, config):
+                    raise UsageError(
+                        f"{flag} needs a process for each episode, and these are driven in that of pytest: "
+                        "--drive-executor inline, -s, --pdb or --trace asks for it. Leave one of them out."
+                    )
+        if options.executor != "ray" and asked_for("--drive-ray-address", config):
+            raise UsageError("--drive-ray-address is of --drive-executor ray only: give that, too, or leave it out.")
         if options.lockstep is not None and options.executor == "ray":
             raise UsageError(
                 "--drive-lockstep and --drive-executor ray exclude each other: Ray drives every episode in a process "

@@ -15,6 +15,7 @@ from dataclasses import field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.table import OPTIONS, Option
 
 _OPTIONS, _PARSE = "options", "parse"
@@ -80,13 +81,27 @@ def was_given(option: Option, source: OptionSource) -> bool:
     return bool(_text(option, source))
 
 
+def asked_for(flag: str, source: OptionSource) -> bool:
+    """Return True when the command line, and not the ini file alone, says something about an option."""
+    return bool(source.getoption(OPTIONS[flag].name))
+
+
 def _given(option: Option, source: OptionSource) -> GivenText:
     return GivenText(option.flag, _text(option, source) or option.default, source)
 
 
 def _text(option: Option, source: OptionSource) -> str:
-    """Return the command line's value, else the ini file's, else nothing."""
+    """Return the command line's value, else the ini file's, else nothing.
+
+    Raises `UsageError` for a blank value of an option that has a default: another agent would be judged, as where a
+    variable of CI is not set.
+    """
     value = source.getoption(option.name)
     if option.is_switch:
         return "on" if value else ""
+    if value is not None and option.default and not str(value).strip():
+        raise UsageError(
+            f"{option.flag} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
+            f"says, or {option.default!r}."
+        )
     return str(source.getini(option.name) if value is None else value).strip()

@@ -47,6 +47,13 @@ class DrivingPlugin:
         """Store what ended meanwhile: the next test may be long and drive nothing, and another worker may wait."""
         self._campaign.scheduler.collect()
 
+    def pytest_keyboard_interrupt(self) -> None:
+        """Cut off what is under way: a worker of pytest-xdist whose controller was killed hears of it like this.
+
+        What it tries to report then fails, and pytest leaves it without unconfiguring.
+        """
+        self._campaign.scheduler.close()
+
     def pytest_unconfigure(self) -> None:
         """Close simulators."""
         self._campaign.scheduler.close()

@@ -154,6 +154,7 @@ class Drive:
         *,
         metric: str = "RD",
         limit: float = 0.30,
+        comparison: str | None = None,
         levels: Iterable[float] | None = None,
     ) -> Bracket:
         """Return the largest severity at which `metric` keeps to `limit`.
@@ -161,12 +162,13 @@ class Drive:
         Found by bisection over whole ticks or usual steps:
         `assert drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
 
-        Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`), `levels` (mildest first) to
-        say which severities to try.
+        `comparison` is `"<="` for metrics of which less is better and else `">="`, unless you say so; of those of a
+        user more is better. Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`),
+        `levels` (mildest first) to say which severities to try.
         """
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
-            return self._largest(perturbation, metric=metric, limit=limit, levels=levels)
+            return self._largest(perturbation, metric=metric, limit=limit, comparison=comparison, levels=levels)
 
     def _largest(
         self,
@@ -174,10 +176,13 @@ class Drive:
         *,
         metric: str,
         limit: float,
+        comparison: str | None,
         levels: Iterable[float] | None = None,
     ) -> Bracket:
         ladder = ladder_of(perturbation, dt_s=self._context.scopes.dt_s, levels=levels, reading=self._reading)
-        bracket = largest(ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit)
+        bracket = largest(
+            ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit, comparison=comparison
+        )
         self._context.campaign.observer(searched(bracket, self._scope, self._item.nodeid))
         self._item.user_properties.append(("drive_largest", str(bracket)))
         return bracket
@@ -266,7 +271,12 @@ class Drive:
         if not isinstance(requirement, MarginRequirement):
             return ""
         try:
-            found = self._largest(requirement.perturbation, metric=requirement.metric.name, limit=requirement.limit)
+            found = self._largest(
+                requirement.perturbation,
+                metric=requirement.metric.name,
+                limit=requirement.limit,
+                comparison=requirement.comparison,
+            )
         except _UNJUDGED as error:  # the verdict stands all the same
             return f"\n  how far the agent gets is not known: {error}"
         return f"\n  {found}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields
+from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
 from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name
@@ -77,7 +77,11 @@ class RegressionOptions:
     @classmethod
     def from_pytest_config(cls, config: OptionSource) -> RegressionOptions:
         """Read the options. Raises `UsageError` for values that cannot be used."""
-        return cls(home=config.rootpath, **read_fields(cls, config))
+        options = cls(home=config.rootpath, **read_fields(cls, config))
+        for flag in ("--drive-fail-on", "--drive-on-mismatch"):
+            if not options.compare and asked_for(flag, config):
+                raise UsageError(f"{flag} says how runs are compared: give --drive-compare RUN, too, or leave it out.")
+        return options
 
     @property
     def drives_all(self) -> bool:

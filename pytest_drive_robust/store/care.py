@@ -69,7 +69,7 @@ def statistics(folder: Path) -> Statistics:
         reusable=sum(_is_reusable(row) for row in whole),
         by_agent=dict(sorted(Counter((row.agent, row.outcome) for row in whole).items())),
         unreadable=len(rows) - len(whole),
-        set_aside=len(_files(folder / "aside")),
+        set_aside=len(_set_aside(folder)),
     )
 
 
@@ -116,7 +116,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
         return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
 
     records = [files.path(row.key) for row in indexed_episodes(files) if not row.problem and goes(row)]
-    aside = _files(folder / "aside")
+    aside = _set_aside(folder)
     halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
     size = sum(_size(path) for path in (*records, *aside, *halves))
@@ -160,8 +160,8 @@ def _age_s(path: Path, now_s: float) -> float:
         return 0.0
 
 
-def _files(folder: Path) -> list[Path]:
-    return [path for path in folder.iterdir() if path.is_file()] if folder.is_dir() else []
+def _set_aside(folder: Path) -> list[Path]:
+    return [path for path in folder.glob(f"aside/*{SUFFIX}") if path.is_file()]
 
 
 def _size(path: Path) -> int:

@@ -18,6 +18,11 @@ _CACHE_TAG = "Signature: 8a477f597d28d172789f06886806bc55\n# Episodes that pytes
 _OURS = frozenset({"episodes", "claims", "aside", "runs", "index.sqlite", ".gitignore", "CACHEDIR.TAG"})
 
 
+def is_store(folder: Path) -> bool:
+    """Return whether a folder holds records, or was made to; an empty one will do."""
+    return (folder / "episodes").is_dir() or (folder / "CACHEDIR.TAG").is_file() or not any(folder.iterdir())
+
+
 def write_episode(path: Path, result: EpisodeResult) -> None:
     """Write `result` so that `path` is either absent or whole, whenever the process dies or the power goes."""
     write_whole(path, encode_episode(result), synced=True)

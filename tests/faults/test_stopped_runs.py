@@ -114,6 +114,19 @@ def test_control_c_does_not_wait_for_an_agent_that_hears_nothing(campaign):
     assert campaign.stored() == set()  # what ended because we stopped is no result
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL], ids=["terminated", "killed"])
+def test_a_controller_that_ends_takes_an_agent_along_that_hears_nothing(campaign, number):
+    campaign.hold = 0
+    conftest = campaign.folder / "conftest.py"
+    conftest.write_text(conftest.read_text() + DEAF)
+    process = campaign.begin("-n", "2", "--drive-agent", "deaf", "--drive-act-timeout", "10m")
+    wait_until(lambda: len(list(campaign.folder.glob("deaf-*"))) == 2, campaign, process)
+    below = descendants(process.pid)
+    process.send_signal(number)
+    process.wait(timeout=PATIENCE_S)
+    assert left_alive(below) == []  # the agents sleep twice as long
+
+
 @pytest.mark.parametrize(("victim", "cut_off"), [("clean", 0), ("throttle", 2)])
 def test_a_killed_worker_of_xdist_costs_its_test_and_what_it_drove(campaign, victim, cut_off):
     """Its test is not run again. Every clean episode is asked for by other tests, too, and the run drives them all.

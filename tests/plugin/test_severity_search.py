@@ -63,6 +63,27 @@ def test_a_margin_that_is_not_met_says_how_far_the_agent_gets(suite):
     )
 
 
+def test_a_margin_of_a_users_metric_is_searched_for_as_it_was_asked_for(suite):
+    metric = """
+
+def bumps(results):
+    return 1.0 if results[0].episode.setting == "throttle 0.1" else 0.0
+
+
+_register = pytest_drive_robust_register
+
+
+def pytest_drive_robust_register(registry):
+    _register(registry)
+    registry.register_metric("bumps", bumps)
+"""
+    result = run(suite("throttle margin >= 0.1 (bumps <= 0.5)", conftest=LADDER + metric), "--drive-verdict", "point")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["bumps under throttle 0.1 = *", "  bumps <= 0.5 under throttle: holds at *, breaks at 0.1*"]
+    )
+
+
 def test_episodes_that_the_run_has_are_not_driven_again(suite):
     test = """
 def test_twice(drive):

@@ -21,7 +21,8 @@ def proposed(*arguments: str) -> list[str]:
 def test_they_keep_the_distance_that_evidence_needs() -> None:
     store_run("a", factor=0.8)
     # DS 74 on 40 routes with a spread of 27.5 is told apart from what lies 13 below; 10 of that is the margin
-    assert proposed() == ["DS under clean >= 70", "RD under 200 ms latency <= 0.20"]
+    # RD is 0.20 on every route; evidence reckons with one route more, on which all is lost
+    assert proposed() == ["DS under clean >= 70", "RD under 200 ms latency <= 0.25"]
 
 
 def test_few_routes_are_warned_of(capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,12 +43,19 @@ def test_parquet_tables_are_read_by_arrow(project, tmp_path):
     assert parquet.read_table(tmp_path / "infractions.parquet").num_rows == len(result.infractions)
 
 
+def test_ticks_that_are_not_stored_are_told_of(project, tmp_path, capsys):
+    (tmp_path / "empty").mkdir()
+    assert main(["export", "one", str(tmp_path), "--format", "csv", "--episodes", str(tmp_path / "empty")]) == 0
+    assert "2 of 2 episodes are not in the store, so their ticks are missing" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["--format", "parkuet"], "Did you mean 'parquet'"),
         (["--format", "csv", "--route", "3902"], "Did you mean '3901'"),
         (["--format", "csv", "--episodes", "a", "--episodes", "b"], "--episodes is given 2 times"),
+        (["--format", "csv", "--episodes", "nowhere"], "--episodes is 'nowhere', expected a folder of stored episodes"),
         ([], "give DIR"),
         (["somewhere", "--seed", "0"], "give DIR and leave out --agent"),
     ],

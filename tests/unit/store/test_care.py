@@ -4,6 +4,7 @@ import os
 import time
 from pathlib import Path
 
+import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
@@ -136,6 +137,21 @@ def test_the_command_sweeps_what_it_is_told_to(store, capsys):
     assert run_cli(store, "gc", "--agent", "other") == 0
     assert "removed 1 episodes" in capsys.readouterr().out
     assert statistics(store.folder).records == 3
+    assert run_cli(store, "gc", "--agent", "drivr") == 4
+    assert "Did you mean 'driver'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("what", ["stats", "verify", "gc"])
+def test_a_folder_of_other_things_is_no_store(tmp_path, capsys, what):
+    (tmp_path / "aside").mkdir()
+    mine = tmp_path / "aside" / "mine.txt"
+    mine.write_text("kept")
+    assert main(["store", what, "--store", str(tmp_path)]) == 4
+    assert "is no store: it has no folder 'episodes'" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["aside"]
+    (tmp_path / "episodes").mkdir()
+    assert main(["store", what, "--store", str(tmp_path)]) == 0
+    assert mine.read_text() == "kept"
 
 
 def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monkeypatch):
