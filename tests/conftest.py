@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import pkgutil
 from collections.abc import Callable, Generator, Sequence
@@ -13,7 +14,6 @@ from typing import TypeVar
 import _pytest.pytester
 import pytest
 from _pytest.pytester import SysModulesSnapshot
-from hypothesis import HealthCheck, settings
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -57,10 +57,13 @@ for _part in (
     for _module in pkgutil.walk_packages(_package.__path__, f"{_package.__name__}."):
         importlib.import_module(_module.name)
 
-# A busy machine is no failure, and what passed once passes again: `--hypothesis-profile search` looks for new examples.
-settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
-settings.register_profile("search", settings.get_profile("tests"), derandomize=False)
-settings.load_profile("tests")
+if importlib.util.find_spec("hypothesis"):  # who does not test this package may still ask its clone for `--help`
+    from hypothesis import HealthCheck, settings
+
+    # A busy machine is no failure, and what passed once passes again: `--hypothesis-profile search` finds new examples.
+    settings.register_profile("tests", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+    settings.register_profile("search", settings.get_profile("tests"), derandomize=False)
+    settings.load_profile("tests")
 
 T = TypeVar("T")
 REPOSITORY = Path(__file__).parent.parent
