@@ -3,7 +3,7 @@
 Each file is what `paper.py` takes, a report of `--drive-json` or its `results.json`. What only one of them holds is
 left out. The first one is of the older world:
 
-    python benchmarks/worlds.py benchmarks/paper/results.json benchmarks/paper/embedded-5.json
+    python benchmarks/worlds.py benchmarks/paper/results.json newer/results.json
 
     other DS       episodes with another driving score; then its mean over all of them, in both
     other success  episodes that succeeded in one of them only
