@@ -57,9 +57,12 @@ class Checkout:
         return tuple(sorted((self.carla_root / "PythonAPI" / "carla" / "dist").glob("carla-*linux*.egg")))
 
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
-        """Return what the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`)."""
+        """Return what the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`).
+
+        Its `PYTHONPATH` begins with an empty entry, which is the root: agents import `Bench2DriveZoo` and `TCP` there.
+        """
         api = self.carla_root / "PythonAPI"
-        paths = [api, api / "carla", *self.eggs]
+        paths = [self.root, api, api / "carla", *self.eggs]
         paths += [self.root / name for name in ("leaderboard", "leaderboard/team_code", "team_code", "scenario_runner")]
         before = inherited.get("PYTHONPATH", "")
         return {

@@ -61,6 +61,19 @@ def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
     assert json.loads(line)["schedule"] == [["gps-noise", "gps", 0, 29], ["inference-latency", "control", 0, 29]]
 
 
+def test_an_agent_imports_packages_in_the_root_of_the_checkout(
+    official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("PYTHONPATH", raising=False)
+    agent, package = tmp_path / "own_agent.py", tmp_path / "b2d/Bench2DriveZoo/team_code"
+    package.mkdir(parents=True)
+    (package / "pid_controller.py").write_text("")
+    agent.write_text("import Bench2DriveZoo.team_code.pid_controller\n" + agent.read_text())
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101"
+    code, told = official_run("ok", "--routes", route, "--tries", "1")
+    assert code == 0, told
+
+
 OLD_PYTHON = os.environ.get("PDR_TEST_OLD_PYTHON", "")
 """An interpreter as CARLA's clients need it, 3.7 or later, that has numpy and nothing else."""
 
