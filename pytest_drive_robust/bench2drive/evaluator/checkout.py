@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
@@ -13,6 +15,8 @@ from pytest_drive_robust.errors import UsageError
 _EVALUATOR = Path("leaderboard/leaderboard/leaderboard_evaluator.py")
 _ROUTES = Path("leaderboard/data/bench2drive220.xml")
 _SERVER = "CarlaUE4.sh"
+_EGG_PYTHONS = ((3, 7), (3, 8))
+_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +56,20 @@ class Checkout:
         return self.root / _ROUTES
 
     @property
+    def python_version(self) -> tuple[int, int] | None:
+        """What `python` is, as in (3, 7); None when it cannot be started."""
+        return _version_of(self.python)
+
+    @property
     def eggs(self) -> tuple[Path, ...]:
-        """CARLA's own client packages, beside which an installed wheel is needed by nobody."""
-        return tuple(sorted((self.carla_root / "PythonAPI" / "carla" / "dist").glob("carla-*linux*.egg")))
+        """CARLA's own client for the evaluator's Python; none where a wheel has to be installed.
+
+        CARLA has eggs of other versions beside it, of Python 2.7 too: on the path, such a one hides every client that
+        works. The official scripts use the one of 3.7 with 3.8 as well.
+        """
+        if self.python_version not in _EGG_PYTHONS:
+            return ()
+        return tuple(sorted((self.carla_root / "PythonAPI" / "carla" / "dist").glob("carla-*-py3.7-linux*.egg")))
 
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
         """Return what the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`).
@@ -76,3 +91,19 @@ class Checkout:
             "PYTHONPATH": os.pathsep.join([*([before] if before else []), *map(str, paths)]),
             "PYTHONUNBUFFERED": "1",
         }
+
+
+@cache
+def _version_of(python: str) -> tuple[int, int] | None:
+    """Ask an interpreter for its version, ourselves excepted. Starting it once says it for the whole run."""
+    if python == sys.executable:
+        return sys.version_info[:2]
+    try:
+        told = subprocess.run(
+            [python, "-c", "import sys; print(*sys.version_info[:2])"],
+            stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=_TIMEOUT_S, check=True,
+        ).stdout.split()  # fmt: skip
+        major, minor = (int(word) for word in told[-2:])
+    except (OSError, subprocess.SubprocessError, ValueError):
+        return None
+    return major, minor
