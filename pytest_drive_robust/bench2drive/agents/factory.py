@@ -15,13 +15,13 @@ from typing import Any
 from pytest_drive_robust.bench2drive import agents as official_agents
 from pytest_drive_robust.bench2drive.agents.adapter import OfficialAgent
 from pytest_drive_robust.bench2drive.agents.stand_ins.finder import install_stand_ins
+from pytest_drive_robust.bench2drive.asked_variables import asked_variables
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
 _SYNTAX = "expected leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config"
 _LOOKS_LIKE_A_FILE = re.compile(r".*[/\\].*|.+\.[A-Za-z]\w*")
 _METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")
-_ASKS_FOR = re.compile(r"""(?:environ(?:\.get\(|\[)|getenv\()\s*['"](\w+)['"]""")
 
 
 class OfficialAgentFactory:
@@ -66,7 +66,7 @@ class OfficialAgentFactory:
     @property
     def configuration(self) -> Mapping[str, Any]:
         """What decides how the agent drives and is not in its own source."""
-        asked = sorted({*_ASKS_FOR.findall(self._file.read_text(errors="replace")), "IS_BENCH2DRIVE"})
+        asked = sorted({*asked_variables(self._file), "IS_BENCH2DRIVE"})
         return {
             "config": self._config,
             "environment": {name: os.environ.get(name, "") for name in asked},

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pytest_drive_robust.bench2drive.asked_variables import asked_variables
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
@@ -27,6 +28,8 @@ _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
 """Out of the message of every call of CARLA's client that has no server any more."""
 _PORTS = 150
+PLANNER_TYPE = "PLANNER_TYPE"
+"""The variable that tells official agents, TCP for one, which of their outputs drives; modules of an agent read it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,12 +49,17 @@ class EvaluatorSetup:
 
     @property
     def identity(self) -> dict[str, str]:
-        """What decides the results, as text by name: drives of which one differs must not be mixed."""
+        """What decides the results, as text by name: drives of which one differs must not be mixed.
+
+        The configuration may name several files and folders, joined by `+`.
+        """
+        parts = [part for part in self.config.split("+") if part]
         return {
             "agent": str(self.agent),
             "agent file": _digest(self.agent),
             "config": self.config,
-            "config file": _stamp(Path(self.config)) if self.config else "",
+            "config files": "\n".join(_stamp(self.checkout.root / part) for part in parts),
+            "environment": json.dumps(_asked_environment(self)),
             "setting": str(self.setting),
             "seed": str(self.seed),
             "routes": f"{self.routes} {_digest(self.routes)}",
@@ -147,12 +155,22 @@ def _digest(path: Path) -> str:
 
 
 def _stamp(path: Path) -> str:
-    """Return size and time of a file: weights are too large to be read each time."""
+    """Return size and time of a file, or of all files in a folder: weights are too large to be read each time."""
     try:
+        if path.is_dir():
+            files = sorted(file for file in path.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
+            return "\n".join(f"{file.relative_to(path)}: {_stamp(file)}" for file in files)
         status = path.stat()
     except OSError:
         return ""
     return f"{status.st_size} bytes of {status.st_mtime_ns}" if path.is_file() else ""
+
+
+def _asked_environment(setup: EvaluatorSetup) -> dict[str, str]:
+    """Return the variables of ours that the agent gets and may read, those excepted that the evaluator is given."""
+    given = {*setup.checkout.environment({}), *_own_variables(setup, Path(), RunFolder(Path()))}
+    asked = (asked_variables(setup.agent) | {PLANNER_TYPE}) - given
+    return {name: os.environ.get(name, "") for name in sorted(asked)}
 
 
 def _once(
@@ -165,7 +183,7 @@ def _once(
     log.unlink(missing_ok=True)
     return attempt(
         _command(setup, route, work, slot),
-        environment=_environment(setup, work, run_folder, route),
+        environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
         folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
         log=log,
         patience=setup.patience,
@@ -195,9 +213,8 @@ def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[s
     ]
 
 
-def _environment(setup: EvaluatorSetup, work: Path, run_folder: RunFolder, route: str) -> dict[str, str]:
+def _own_variables(setup: EvaluatorSetup, work: Path, run_folder: RunFolder) -> dict[str, str]:
     return {
-        **setup.checkout.environment(os.environ),
         "CUDA_VISIBLE_DEVICES": str(setup.gpu),  # as the official script has it; CARLA gets --gpu-rank
         "PDR_SETTING": setting_as_json(setup.setting, seed=setup.seed, log=str(work / "injected.jsonl")),
         "PDR_LOG": "",

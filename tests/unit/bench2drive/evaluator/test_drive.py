@@ -174,6 +174,42 @@ def test_an_agent_that_was_edited_is_driven_again(official_executor: Callable[..
     assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 2
 
 
+@pytest.mark.parametrize("config", ["settings.py+weights.pth", "checkpoint", "b2d_weights.pth"])
+def test_changed_weights_are_other_results(
+    config: str, official_executor: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    made, task = official_executor()
+    (tmp_path / "checkpoint/epoch").mkdir(parents=True)
+    (tmp_path / "settings.py").write_text("")
+    weights = {
+        "settings.py+weights.pth": tmp_path / "weights.pth",
+        "checkpoint": tmp_path / "checkpoint/epoch/model.pth",
+        "b2d_weights.pth": tmp_path / "b2d/b2d_weights.pth",  # the evaluator runs in the checkout
+    }[config]
+    weights.write_text("first")
+    before = made.run_folder(task(config))
+    assert made.run_folder(task(config)) == before
+    weights.write_text("other weights")
+    assert made.run_folder(task(config)) != before
+
+
+def test_a_variable_that_the_agent_asks_for_is_a_part_of_what_was_driven(
+    official_executor: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, task = official_executor()
+    with (tmp_path / "own_agent.py").open("a") as file:
+        file.write("import os\nMODE = os.environ.get('MODE')\nSAVED = os.environ.get('SAVE_PATH')\n")
+    before = made.run_folder(task("ok"))
+    for given in ("SAVE_PATH", "UNRELATED"):  # the evaluator gets a SAVE_PATH of ours
+        monkeypatch.setenv(given, "1")
+        assert made.run_folder(task("ok")) == before
+    for asked in ("MODE", "PLANNER_TYPE"):
+        monkeypatch.setenv(asked, "1")
+        assert made.run_folder(task("ok")) != before
+        monkeypatch.delenv(asked)
+
+
 def test_a_finished_episode_is_not_driven_again(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
