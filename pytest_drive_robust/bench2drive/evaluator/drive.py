@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.asked_variables import asked_variables
+from pytest_drive_robust.bench2drive.asked_variables import PLANNER_TYPE, asked_variables
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
@@ -28,8 +28,6 @@ _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
 """Out of the message of every call of CARLA's client that has no server any more."""
 _PORTS = 150
-PLANNER_TYPE = "PLANNER_TYPE"
-"""The variable that tells official agents, TCP for one, which of their outputs drives; modules of an agent read it."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
 
+from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
 from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
@@ -82,7 +83,8 @@ class Bench2DriveExecutor:
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` for a request whose agent, route or setting the evaluator cannot have."""
         for request in requests:
-            read_agent(request.episode.agent)
+            agent, _ = read_agent(request.episode.agent)
+            require_planner_type(agent)
             self._require_route(request.route)
             drive.setting_as_json(request.setting, seed=request.episode.seed)
 

@@ -210,6 +210,35 @@ def test_a_variable_that_the_agent_asks_for_is_a_part_of_what_was_driven(
         monkeypatch.delenv(asked)
 
 
+@pytest.mark.parametrize(
+    ("line", "value", "refused"),
+    [
+        ("os.environ.get('PLANNER_TYPE', None)", None, True),
+        ("os.environ['PLANNER_TYPE']", "", True),
+        ('os.getenv("PLANNER_TYPE")', None, True),
+        ("os.environ.get('PLANNER_TYPE', None)", "only_traj", False),
+        ("os.environ.get('PLANNER_TYPE', 'only_ctrl')", None, False),
+    ],
+)
+def test_an_agent_that_needs_a_planner_type_is_refused_without_one(
+    line: str,
+    value: str | None,
+    refused: bool,
+    official_run: Callable[..., Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("PLANNER_TYPE", raising=False)
+    if value is not None:
+        monkeypatch.setenv("PLANNER_TYPE", value)
+    with (tmp_path / "own_agent.py").open("a") as file:
+        file.write(f"import os\nPLANNER_TYPE = {line}\n")
+    code, told = official_run("ok", "--routes", f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101")
+    assert code == (4 if refused else 0)
+    assert ("export PLANNER_TYPE=only_traj" in told) is refused
+    assert (tmp_path / "out").exists() is not refused
+
+
 def test_a_finished_episode_is_not_driven_again(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
