@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable
@@ -14,7 +15,9 @@ from pytest_drive_robust.engine.platform_check import check_platform
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
+from pytest_drive_robust.options.option import asked_for
 from pytest_drive_robust.options.run import RESULTS, RunOptions
+from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
@@ -35,7 +38,8 @@ def is_external(options: RunOptions) -> bool:
 def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
     """Return the options of a run where somebody else drives or has driven: nothing is kept in our store.
 
-    The evaluator keeps its own records. Raises `UsageError` for options that do not go together.
+    The evaluator keeps its own records and ends episodes by rules of its own. Raises `UsageError` for options that do
+    not go together.
     """
     if execution.results:
         if options.simulator == BENCH2DRIVE:
@@ -53,7 +57,29 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
         raise UsageError(
             "--drive-sim bench2drive drives from one process: leave -n out; --drive-workers N gives N CARLA servers."
         )
-    return replace(options, store="off")
+    _refuse_unheeded(config, options, execution)
+    return replace(options, store="off", stuck_stop_s=None)
+
+
+def _refuse_unheeded(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> None:
+    """Raise `UsageError` for what the command line asks for and the official evaluator does not do.
+
+    The ini file may ask for it: it is of other runs, too.
+    """
+    unheeded = {
+        "--drive-act-timeout": execution.act_timeout_s is not None,
+        "--drive-memory": execution.memory_bytes is not None,
+        "--drive-stuck-stop": options.stuck_stop_s is not None,
+        "--drive-lockstep": execution.lockstep is not None,
+        "--drive-executor": config.getoption("drive_executor") in ("inline", "ray"),  # not `inline` of -s or --pdb
+    }
+    for flag, is_unheeded in unheeded.items():
+        if is_unheeded and asked_for(flag, config):
+            raise UsageError(
+                f"{flag} {config.getoption(OPTIONS[flag].name)} is not heeded with --drive-sim {BENCH2DRIVE}: the "
+                "official evaluator drives in processes and by rules of its own. Leave it out; --drive-episode-timeout "
+                "and --drive-workers are heeded."
+            )
 
 
 def backend_for(
@@ -80,14 +106,21 @@ def backend_for(
             results = ResultsExecutor.read(execution.results, registry.perturbations(), options.asked_reading)
             return OutsideScopes(options, registry, resolve_routes, results), results
         check_platform(f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results=FOLDER.")
+        from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
         from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
+        patience = Patience()
+        if asked_for("--drive-episode-timeout", config):  # its default is for our simulators, which are faster
+            limit_s = execution.episode_timeout_s
+            patience = replace(patience, route_s=math.inf if limit_s is None else limit_s)
         evaluator = Bench2DriveExecutor(
             Checkout.find(Path(execution.b2d_root)),
             folder=config.rootpath / ".drive-robust" / BENCH2DRIVE,
             routes=_route_file(options),
             slots=execution.workers or 1,
+            fresh=options.fresh,
+            patience=patience,
         )
         return OutsideScopes(options, registry, resolve_routes, evaluator), evaluator
     scopes = Scopes(

@@ -105,15 +105,23 @@ class DrivenRoute:
 
 
 def drive_route(
-    setup: EvaluatorSetup, route: str, run_folder: RunFolder, *, slot: int = 0, stop: threading.Event | None = None
+    setup: EvaluatorSetup,
+    route: str,
+    run_folder: RunFolder,
+    *,
+    slot: int = 0,
+    stop: threading.Event | None = None,
+    reuse: bool = True,
 ) -> DrivenRoute:
-    """Drive a route until it has a score, at most `setup.tries` times. A route that has one already is not driven.
+    """Drive a route until it has a score, at most `setup.tries` times.
+
+    A route that has one already is not driven; without `reuse` it is, and what was there is replaced by its new score.
 
     Raises `UsageError` when the evaluator cannot be started like this at all.
     """
     if not route.isdecimal():
         raise UsageError(f"the route id {route!r} is no number, and the official evaluator takes no other.")
-    finished = _read_finished(run_folder, route)
+    finished = _read_finished(run_folder, route) if reuse else None
     if finished is not None:
         return finished
     troubles: list[str] = []
@@ -284,6 +292,8 @@ def _keep(run_folder: RunFolder, route: str) -> None:
     log = run_folder.work(route) / "injected.jsonl"
     if log.is_file():
         os.replace(log, run_folder.injected(route))
+    else:
+        run_folder.injected(route).unlink(missing_ok=True)  # of the result that is replaced
     os.replace(run_folder.work(route) / "result.json", run_folder.result(route))
 
 

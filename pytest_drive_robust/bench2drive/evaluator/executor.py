@@ -50,7 +50,8 @@ class Bench2DriveExecutor:
     """Drives `slots` episodes at a time (see `runner.executors.Executor`), each in an evaluator and server of its own.
 
     `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
-    `folder`, and episodes that are finished there are not driven again. The GPUs are used in turn, one for each slot.
+    `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
+    as finished. The GPUs are used in turn, one for each slot.
     """
 
     def __init__(
@@ -61,6 +62,7 @@ class Bench2DriveExecutor:
         routes: Path | None = None,
         slots: int = 1,
         gpus: tuple[int, ...] = (0,),
+        fresh: bool = False,
         **options: object,
     ) -> None:
         self.slots = slots
@@ -68,6 +70,8 @@ class Bench2DriveExecutor:
         self._folder = folder.resolve()
         self._routes = (routes or checkout.routes).resolve()
         self._gpus = gpus
+        self._fresh = fresh
+        self._driven: set[tuple[Path, str]] = set()
         self._options = options  # port, tries, patience of an EvaluatorSetup
         self._stop = threading.Event()
         self._free: SimpleQueue[int] = SimpleQueue()
@@ -114,14 +118,18 @@ class Bench2DriveExecutor:
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         self.check((request,))
         run_folder = self.run_folder(request)
+        place = (run_folder.folder, request.route.id)
+        reuse = not self._fresh or place in self._driven
         slot = self._free.get()
         try:
             setup = replace(self._setup(request), gpu=self._gpus[slot % len(self._gpus)])
-            driven = drive.drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop)
+            driven = drive.drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop, reuse=reuse)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
             raise Stopped
+        if driven.record is not None:
+            self._driven.add(place)
         return replace(_result(driven, request, run_folder), wall_s=driven.wall_s, versions=self._versions)
 
     @cached_property

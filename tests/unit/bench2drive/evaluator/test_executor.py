@@ -39,18 +39,52 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
     monkeypatch.setenv("CARLA_ROOT", str(carla))
     (tmp_path / "suite").mkdir()
     (tmp_path / "suite" / "test_suite.py").write_text(SUITE)
-    (tmp_path / "suite" / "pytest.ini").write_text("[pytest]\ndrive_verdict = point\n")
+    (tmp_path / "suite" / "pytest.ini").write_text(
+        "[pytest]\ndrive_verdict = point\ndrive_stuck_stop = 60\ndrive_act_timeout = 9s\n"  # of other runs
+    )
     chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+ok")
     first = run(tmp_path / "suite", *chosen, "--drive-json", "run.json")
     assert first.returncode == 0, first.stdout + first.stderr
     document = json.loads((tmp_path / "suite" / "run.json").read_text())
     assert len(document["episodes"]) == 6  # three routes, clean and late
     assert {item["verdict"] for item in document["requirements"]} == {"pass"}
+    assert document["settings"]["stuck_stop_s"] is None
     started = sorted((tmp_path / "suite" / ".drive-robust" / "bench2drive").rglob("*.json"))
     times = {path: os.stat(path).st_mtime_ns for path in started}
     assert times
     assert run(tmp_path / "suite", *chosen).returncode == 0
     assert {path: os.stat(path).st_mtime_ns for path in times} == times  # nothing was driven again
+    assert run(tmp_path / "suite", *chosen, "--drive-fresh").returncode == 0
+    assert not {path for path in times if os.stat(path).st_mtime_ns == times[path]}  # everything was
+
+
+def test_the_time_of_an_episode_is_limited(tmp_path: Path, process_mark: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    root, carla, agent = make(tmp_path)
+    monkeypatch.setenv("CARLA_ROOT", str(carla))
+    (tmp_path / "test_suite.py").write_text(SUITE)
+    chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+hang")
+    ended = run(tmp_path, *chosen, "--drive-routes=101", "--drive-episode-timeout=0.2s")
+    assert ended.returncode == 1
+    assert "the route took longer than 0.2 s" in ended.stdout
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (("--drive-act-timeout=5s",), "--drive-act-timeout 5s is not heeded"),
+        (("--drive-memory=4",), "--drive-memory 4 is not heeded"),
+        (("--drive-stuck-stop=60",), "--drive-stuck-stop 60 is not heeded"),
+        (("--drive-lockstep=8",), "--drive-lockstep 8 is not heeded"),
+        (("--drive-executor=inline",), "--drive-executor inline is not heeded"),
+        (("--drive-executor=ray",), "--drive-executor ray is not heeded"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_what_the_evaluator_does_not_heed_is_refused(tmp_path: Path, given: tuple[str, ...], message: str) -> None:
+    (tmp_path / "test_suite.py").write_text(SUITE)
+    ended = run(tmp_path, "--drive-sim=bench2drive", "--drive-b2d-root=b2d", *given)
+    assert ended.returncode == 4
+    assert message in " ".join((ended.stdout + ended.stderr).split())
 
 
 class Config:
