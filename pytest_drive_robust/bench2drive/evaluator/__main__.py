@@ -50,7 +50,10 @@ def _parser() -> argparse.ArgumentParser:
     run.add_argument("--out", type=Path, default=Path("bench2drive-runs"), metavar="FOLDER", help="where results go")
     run.add_argument("--carla-root", type=Path, metavar="FOLDER", help="default: the variable CARLA_ROOT")
     run.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
-    run.add_argument("--gpu", type=int, action="append", metavar="N", help="repeatable; slots use them in turn")
+    run.add_argument(
+        "--gpu", type=int, action="append", metavar="N",
+        help="repeatable; slots use them in turn; default: those of CUDA_VISIBLE_DEVICES, else 0",
+    )  # fmt: skip
     run.add_argument("--slots", type=int, default=1, metavar="N", help="evaluators at a time; default: 1")
     run.add_argument("--port", type=int, default=2000, metavar="N", help="of the first server; default: 2000")
     run.add_argument("--tries", type=int, default=3, metavar="N", help="after harness errors; default: 3")
@@ -67,7 +70,7 @@ def _run(options: argparse.Namespace) -> int:
         if value < 1:
             raise UsageError(f"{name} is {value}, expected 1 or more.")
     executor = Bench2DriveExecutor(
-        checkout, folder=options.out, routes=file, slots=options.slots, gpus=tuple(options.gpu or (0,)),
+        checkout, folder=options.out, routes=file, slots=options.slots, gpus=tuple(options.gpu or ()),
         port=options.port, tries=options.tries,
         patience=Patience(route_s=options.route_s, silence_s=options.silence_s),
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import threading
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -15,6 +16,7 @@ from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
 from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
+from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection
@@ -51,7 +53,7 @@ class Bench2DriveExecutor:
 
     `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
     `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
-    as finished. The GPUs are used in turn, one for each slot.
+    as finished. The GPUs (default: those of `CUDA_VISIBLE_DEVICES`, else GPU 0) are used in turn, one for each slot.
     """
 
     def __init__(
@@ -61,7 +63,7 @@ class Bench2DriveExecutor:
         folder: Path,
         routes: Path | None = None,
         slots: int = 1,
-        gpus: tuple[int, ...] = (0,),
+        gpus: tuple[int, ...] = (),
         fresh: bool = False,
         **options: object,
     ) -> None:
@@ -69,7 +71,7 @@ class Bench2DriveExecutor:
         self._checkout = checkout
         self._folder = folder.resolve()
         self._routes = (routes or checkout.routes).resolve()
-        self._gpus = gpus
+        self._gpus = gpus or visible_gpus(os.environ)
         self._fresh = fresh
         self._driven: set[tuple[Path, str]] = set()
         self._options = options  # port, tries, patience of an EvaluatorSetup

@@ -239,6 +239,31 @@ def test_an_agent_that_needs_a_planner_type_is_refused_without_one(
     assert (tmp_path / "out").exists() is not refused
 
 
+@pytest.mark.parametrize(("variable", "used"), [("2,5", {"2", "5"}), ("", {"0"})])
+def test_slots_use_the_visible_gpus_in_turn(
+    variable: str,
+    used: set[str],
+    official_executor: Callable[..., Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", variable)
+    made, task = official_executor(slots=2)
+    for future in [made.submit(task("ok", route=number)) for number in (0, 1)]:
+        future.result(PATIENCE_S)
+    drives = [json.loads(path.read_text()) for path in tmp_path.glob("runs/*/results/drive-*.json")]
+    assert {drive["env"]["CUDA_VISIBLE_DEVICES"] for drive in drives} == used
+
+
+def test_gpus_that_carla_cannot_be_told_are_refused(
+    official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", "GPU-8f1c")
+    code, told = official_run("ok")
+    assert code == 4
+    assert "CUDA_VISIBLE_DEVICES is 'GPU-8f1c', expected numbers" in told
+
+
 def test_a_finished_episode_is_not_driven_again(
     official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
 ) -> None:
