@@ -59,6 +59,7 @@ class ExecutionOptions:
     memory_bytes: int | None = option("--drive-memory", parse=gigabytes)
     ray_address: str = option("--drive-ray-address")
     b2d_root: str = option("--drive-b2d-root")
+    b2d_python: str = option("--drive-b2d-python")
     results: str = option("--drive-results")
     budget_s: float | None = option("--drive-budget", parse=time_limit_s)
 

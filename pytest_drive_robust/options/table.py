@@ -103,6 +103,12 @@ _EXECUTION = (
     ),
     Option("--drive-b2d-root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"),
     Option(
+        "--drive-b2d-python",
+        "FILE",
+        "",
+        "the Python of the agent's environment, for the evaluator of --drive-sim bench2drive; default: that of pytest",
+    ),
+    Option(
         "--drive-results",
         "LIST",
         "",

@@ -114,8 +114,10 @@ def backend_for(
         if asked_for("--drive-episode-timeout", config):  # its default is for our simulators, which are faster
             limit_s = execution.episode_timeout_s
             patience = replace(patience, route_s=math.inf if limit_s is None else limit_s)
+        checkout = Checkout.find(Path(execution.b2d_root), python=execution.b2d_python)
+        checkout.require_python("--drive-b2d-python")
         evaluator = Bench2DriveExecutor(
-            Checkout.find(Path(execution.b2d_root)),
+            checkout,
             folder=config.rootpath / ".drive-robust" / BENCH2DRIVE,
             routes=_route_file(options),
             slots=execution.workers or 1,

@@ -64,6 +64,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _run(options: argparse.Namespace) -> int:
     checkout = Checkout.find(options.root, carla_root=options.carla_root, python=options.python)
+    checkout.require_python("--python")
     setting = Setting.from_env(os.environ) if options.setting == "env" else Setting.parse(options.setting)
     file, chosen = _file_and_ids(options.routes or str(checkout.routes))
     for name, value in (("--slots", options.slots), ("--tries", options.tries)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -16,6 +17,9 @@ _EVALUATOR = Path("leaderboard/leaderboard/leaderboard_evaluator.py")
 _ROUTES = Path("leaderboard/data/bench2drive220.xml")
 _SERVER = "CarlaUE4.sh"
 _EGG_PYTHONS = ((3, 7), (3, 8))
+_GETCHILDREN = ".getchildren("
+NO_GETCHILDREN = (3, 9)
+"""The first Python whose XML elements lack `getchildren()`."""
 _TIMEOUT_S = 60.0
 
 
@@ -43,7 +47,7 @@ class Checkout:
             raise UsageError("Where is CARLA? Set CARLA_ROOT or give --carla-root: the folder that holds CarlaUE4.sh.")
         if not (given / _SERVER).is_file():
             raise UsageError(f"{str(given)!r} is no CARLA: there is no {_SERVER}. Bench2Drive needs CARLA 0.9.15.")
-        return cls(root.resolve(), given.resolve(), python or sys.executable)
+        return cls(root.resolve(), given.resolve(), _absolute(python) if python else sys.executable)
 
     @property
     def evaluator(self) -> Path:
@@ -59,6 +63,27 @@ class Checkout:
     def python_version(self) -> tuple[int, int] | None:
         """What `python` is, as in (3, 7); None when it cannot be started."""
         return _version_of(self.python)
+
+    @property
+    def getchildren_files(self) -> tuple[Path, ...]:
+        """The files of the leaderboard that call `getchildren()`, which Python 3.9 removed from XML elements."""
+        files = sorted((self.root / "leaderboard" / "leaderboard").rglob("*.py"))
+        return tuple(file for file in files if _GETCHILDREN in file.read_text(encoding="utf-8", errors="replace"))
+
+    def require_python(self, flag: str) -> None:
+        """Raise `UsageError` when `python`, which the option `flag` names, cannot run the evaluator."""
+        version = self.python_version
+        if version is None:
+            raise UsageError(
+                f"{flag} is {self.python!r}, which does not start as a Python; expected the interpreter of the agent's "
+                f"environment, as in {flag} ENV/bin/python."
+            )
+        if version >= NO_GETCHILDREN and self.getchildren_files:
+            raise UsageError(
+                f"the evaluator would run in {self.python!r}, Python {version[0]}.{version[1]}, but "
+                f"{str(self.getchildren_files[0])!r} calls getchildren(), which Python 3.9 removed. Give {flag} a "
+                "Python 3.7 or 3.8, or replace x.getchildren() by list(x) in the checkout."
+            )
 
     @property
     def eggs(self) -> tuple[Path, ...]:
@@ -91,6 +116,15 @@ class Checkout:
             "PYTHONPATH": os.pathsep.join([*([before] if before else []), *map(str, paths)]),
             "PYTHONUNBUFFERED": "1",
         }
+
+
+def _absolute(python: str) -> str:
+    """Return the path of an interpreter or of a command on `PATH`: the evaluator runs in another folder.
+
+    Links stay as they are: that of a virtual environment tells Python where its packages are.
+    """
+    found = shutil.which(python) or python
+    return os.path.abspath(found) if os.path.dirname(found) else found
 
 
 @cache

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.checkout import NO_GETCHILDREN, Checkout
 from pytest_drive_robust.errors import UsageError
 
 _CARLA = "0.9.15"
@@ -142,8 +142,14 @@ def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
         yield DoctorCheck("python", False, f"{checkout.python}: {type(error).__name__}", hint)
         return
     version = tuple(told["python"])
-    known = version >= (3, 7)
-    yield DoctorCheck("python", known, f"{checkout.python}, version {version[0]}.{version[1]}", hint)
+    outdated = checkout.getchildren_files if version >= NO_GETCHILDREN else ()
+    found = f"{checkout.python}, version {version[0]}.{version[1]}"
+    if outdated:
+        found += (
+            f", in which {', '.join(str(file.relative_to(checkout.root)) for file in outdated)} fails: getchildren()"
+        )
+        hint = "Give a Python 3.7 or 3.8 with --python, or replace x.getchildren() by list(x) there."
+    yield DoctorCheck("python", version >= (3, 7) and not outdated, found, hint)
     missing = dict(told["missing"])
     client = missing.pop("carla", "")
     eggs = ", ".join(egg.name for egg in checkout.eggs) or "no egg in PythonAPI/carla/dist"

@@ -315,5 +315,5 @@ def _refuse_hopeless(ended: Attempt, log: Path) -> None:
     if not ended.trouble and ended.code == 1 and last.startswith(_CANNOT_START):
         raise UsageError(
             f"the evaluator could not be started: {last} (see {log}). Does its Python have what the agent needs? "
-            "Give it with --python; `drive-robust doctor` says what is missing."
+            "Give it with --drive-b2d-python, without pytest with --python; `drive-robust doctor` says what is missing."
         )

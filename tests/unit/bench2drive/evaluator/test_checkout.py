@@ -10,6 +10,7 @@ import pytest
 from fake_bench2drive import make
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.errors import UsageError
 
 EGGS = ("carla-0.9.15-py2.7-linux-x86_64.egg", "carla-0.9.15-py3.7-linux-x86_64.egg")
 
@@ -22,7 +23,9 @@ def interpreter(folder: Path, version: str) -> Path:
     return path
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="CARLA's evaluator is started on Linux")
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="CARLA's evaluator is started on Linux")
+
+
 @pytest.mark.parametrize(
     ("version", "eggs"), [("3 7", EGGS[1:]), ("3 8", EGGS[1:]), ("3 10", ()), ("2 7", ()), ("no version", ())]
 )
@@ -37,3 +40,39 @@ def test_only_the_egg_that_fits_the_evaluators_python_is_on_its_path(
     checkout = Checkout.find(root, carla_root=carla, python=str(interpreter(tmp_path, version)))
     path = checkout.environment({})["PYTHONPATH"].split(os.pathsep)
     assert [Path(entry).name for entry in path if entry.endswith(".egg")] == list(eggs)
+
+
+@pytest.mark.parametrize(
+    ("version", "parser", "message"),
+    [
+        ("3 8", "for item in scenario.getchildren():", ""),
+        ("3 9", "for item in list(scenario):", ""),
+        ("3 9", "for item in scenario.getchildren():", "Python 3.9, but .*route_parser.py.* calls getchildren"),
+        ("no version", "", "--drive-b2d-python is .* does not start as a Python"),
+    ],
+)
+def test_a_python_that_the_checkout_cannot_run_in_is_refused(
+    tmp_path: Path, version: str, parser: str, message: str
+) -> None:
+    root, carla, _ = make(tmp_path)
+    (root / "leaderboard/leaderboard/utils").mkdir()
+    (root / "leaderboard/leaderboard/utils/route_parser.py").write_text(parser)
+    checkout = Checkout.find(root, carla_root=carla, python=str(interpreter(tmp_path, version)))
+    if message:
+        with pytest.raises(UsageError, match=message):
+            checkout.require_python("--drive-b2d-python")
+    else:
+        checkout.require_python("--drive-b2d-python")
+
+
+def test_the_interpreter_of_an_environment_is_found_from_any_folder_and_stays_a_link(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, carla, _ = make(tmp_path)
+    (tmp_path / "env").mkdir()
+    link = tmp_path / "env" / "python"
+    link.symlink_to(interpreter(tmp_path, "3 7"))
+    monkeypatch.chdir(tmp_path)
+    assert Checkout.find(root, carla_root=carla, python="env/python").python == str(link)
+    monkeypatch.setenv("PATH", str(tmp_path / "env"), prepend=os.pathsep)
+    assert Checkout.find(root, carla_root=carla, python="python").python == str(link)

@@ -68,6 +68,18 @@ def test_a_fork_without_the_seams_is_recognised(tmp_path: Path) -> None:
     assert "SensorInterface.get_data" in checks["seams"].found
 
 
+def test_a_python_without_getchildren_is_recognised_where_the_checkout_calls_it(tmp_path: Path) -> None:
+    root, carla, _ = make(tmp_path)
+    parser = root / "leaderboard/leaderboard/route_parser.py"
+    parser.write_text("for item in scenario.getchildren():\n")
+    check = named(examine(root, carla_root=carla, python=sys.executable, port=free_ports()))["python"]
+    assert not check.ok
+    assert "route_parser.py" in check.found
+    assert "3.7 or 3.8" in check.advice
+    parser.write_text("for item in list(scenario):\n")
+    assert named(examine(root, carla_root=carla, python=sys.executable, port=free_ports()))["python"].ok
+
+
 def test_a_wrong_server_a_taken_port_and_a_dead_python_are_found(tmp_path: Path) -> None:
     root, carla, _ = make(tmp_path)
     (carla / "VERSION").write_text("0.10.0")

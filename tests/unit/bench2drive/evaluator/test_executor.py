@@ -87,6 +87,29 @@ def test_what_the_evaluator_does_not_heed_is_refused(tmp_path: Path, given: tupl
     assert message in " ".join((ended.stdout + ended.stderr).split())
 
 
+def test_the_evaluator_runs_in_the_python_that_was_named(
+    tmp_path: Path, process_mark: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, carla, agent = make(tmp_path)
+    monkeypatch.setenv("CARLA_ROOT", str(carla))
+    (tmp_path / "test_suite.py").write_text(SUITE)
+    (root / "leaderboard/leaderboard/route_parser.py").write_text("for item in scenario.getchildren():\n")
+    chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+ok")
+    refused = run(tmp_path, *chosen)
+    assert refused.returncode == 4
+    assert "Give --drive-b2d-python a Python 3.7 or 3.8" in " ".join((refused.stdout + refused.stderr).split())
+    assert not (tmp_path / ".drive-robust").exists()
+    python = tmp_path / "old-python"  # it says to be one, and drives with ours
+    python.write_text(
+        f'#!/bin/sh\necho "$@" >> {tmp_path}/started\n[ "$1" = -c ] && echo 3 8 && exit\nexec {sys.executable} "$@"\n'
+    )
+    python.chmod(0o755)
+    (tmp_path / "pytest.ini").write_text(f"[pytest]\ndrive_verdict = point\ndrive_b2d_python = {python}\n")
+    driven = run(tmp_path, *chosen, "--drive-routes=101")
+    assert driven.returncode == 0, driven.stdout + driven.stderr
+    assert (tmp_path / "started").read_text().count("leaderboard_evaluator.py") == 2  # clean and late
+
+
 class Config:
     """The part of pytest's configuration that is asked."""
 
