@@ -25,6 +25,8 @@ DEFAULT_SIMULATOR = OPTIONS["--drive-sim"].default
 DEFAULT_STORE = OPTIONS["--drive-store"].default
 RESULTS = "results"
 """What stands for a simulator, and for an agent without a name, with `--drive-results`."""
+BENCH2DRIVE = "bench2drive"
+"""The simulator that is the official evaluator."""
 
 
 def _verdict_rule(kind: GivenText, margin: GivenText, alpha: GivenText) -> VerdictRule:
@@ -81,6 +83,11 @@ class RunOptions:
         if len(set(paths)) < len(paths):
             raise UsageError("two of --drive-json, --drive-csv and --drive-report name one path. Give each its own.")
         return options
+
+    @property
+    def is_external(self) -> bool:
+        """Return True when no simulator of ours is driven, so that `drive-robust replay` cannot drive it again."""
+        return self.simulator in (RESULTS, BENCH2DRIVE)
 
     @property
     def asked_reading(self) -> DriveReading | None:

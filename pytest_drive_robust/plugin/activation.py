@@ -14,7 +14,7 @@ import pytest
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin import xdist
-from pytest_drive_robust.plugin.backends import backend_for, external_options, is_external
+from pytest_drive_robust.plugin.backends import backend_for, external_options
 from pytest_drive_robust.plugin.collection import CollectionPlugin
 from pytest_drive_robust.plugin.driving import DrivingPlugin
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
@@ -48,7 +48,7 @@ def activate(config: pytest.Config) -> None:
         _report_here(config, options, execution, regression, waivers, drive_here)
         return
     folder = xdist.join_run(config, options, partial(drive_here, shared=True))
-    if not is_external(options):
+    if not options.is_external:
         from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
 
         context = config.stash[DRIVE_CONTEXT]

@@ -20,7 +20,7 @@ from pytest_drive_robust.runner.campaign import Judgement
 def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> None:
     """Attach what there is to see to the current test, where allure-pytest writes a report.
 
-    The film is what the replay line of the failure writes, in a process of its own.
+    The film is what the replay line of the failure writes, in a process of its own; there is none where others drive.
     """
     if not config.getoption("allure_report_dir", None) or not judgement.verdict.worst:
         return
@@ -38,6 +38,8 @@ def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, 
         put(scores_svg(judgement.clean, judgement.perturbed), "driving scores", kinds.SVG)
     if place in clean:
         put(speeds_svg(clean[place], perturbed[place]), f"speed on {worst.route_id}", kinds.SVG)
+    if options.is_external:
+        return
     command = replay_command(worst_episode(verdict), options, routes_spec=routes_spec)
     with tempfile.TemporaryDirectory() as folder:
         words = [*shlex.split(command)[1:], "--out", str(Path(folder) / "film.mp4")]

@@ -16,7 +16,7 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.option import asked_for
-from pytest_drive_robust.options.run import RESULTS, RunOptions
+from pytest_drive_robust.options.run import BENCH2DRIVE, RESULTS, RunOptions
 from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
@@ -25,14 +25,6 @@ from pytest_drive_robust.runner.executors import Executor, InlineExecutor, facto
 from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
-
-BENCH2DRIVE = "bench2drive"
-"""The simulator that is the official evaluator."""
-
-
-def is_external(options: RunOptions) -> bool:
-    """Return True when no simulator of ours is driven."""
-    return options.simulator in (RESULTS, BENCH2DRIVE)
 
 
 def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
@@ -97,7 +89,7 @@ def backend_for(
     itself. Raises `UsageError`.
     """
     registry = default_registry()
-    if is_external(options):
+    if options.is_external:
         from pytest_drive_robust.bench2drive.results.outside import OutsideScopes
 
         if options.simulator == RESULTS:

@@ -6,7 +6,6 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
-from pytest_drive_robust.plugin.backends import is_external
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import INCONCLUSIVE
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
@@ -94,7 +93,7 @@ def header(options: RunOptions) -> str:
 
 def _routes_in_words(options: RunOptions) -> str:
     """Return how many routes are driven, and what they are called."""
-    if is_external(options):
+    if options.is_external:
         return options.routes if options.routes_given else f"all of {options.simulator}"
     if options.simulator == DEFAULT_SIMULATOR:
         return f"{len(resolve_routes(options.routes))} ({options.routes})"

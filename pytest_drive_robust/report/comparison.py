@@ -124,7 +124,7 @@ def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], 
         yield _story("was", flip.before)
         yield _story("is", flip.after)
         if flip.fails and cell.routes_spec:  # a baseline does not know how its routes were called
-            yield f"    replay:  {_replay(comparison, cell, flip.after)}"
+            yield from _replay(comparison, cell, flip.after)
     if len(flips) > most:
         rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])
         more = " ..." if len(flips) > most + 10 else ""
@@ -135,12 +135,14 @@ def _story(word: str, score: RouteScore) -> str:
     return cut(f"    {word:<4}{score.ds:6.1f}  {score.outcome}")
 
 
-def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> str:
+def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> Iterator[str]:
     fingerprint = score.fingerprint
     options = RunOptions(
         simulator=fingerprint.simulator,
         stuck_stop_s=fingerprint.stuck_stop_s,
         plugins=fingerprint.plugins,
     )
+    if options.is_external:
+        return
     episode = Episode(cell.agent, score.route_id, cell.setting, score.worst_seed)
-    return replay_command(episode, options, routes_spec=cell.routes_spec)
+    yield f"    replay:  {replay_command(episode, options, routes_spec=cell.routes_spec)}"

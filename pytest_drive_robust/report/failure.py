@@ -7,7 +7,7 @@ import shlex
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.metrics.summary import Summary
-from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RESULTS, RunOptions
+from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown
 from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
@@ -19,7 +19,7 @@ def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, pri
     lines = [*_headline(verdict), *_promise(verdict), *_summaries(verdict), *_worst(verdict)]
     if privileged:
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
-    if verdict.worst and options.simulator != RESULTS:
+    if verdict.worst and not options.is_external:
         command = replay_command(worst_episode(verdict), options, routes_spec=routes_spec)
         lines.append(f"  replay:  {command}")  # never shortened: it is there to be copied
     return "\n".join(lines)

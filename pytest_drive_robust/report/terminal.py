@@ -171,10 +171,10 @@ def _first(results: Sequence[EpisodeResult]) -> str:
 
 
 def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
-    """Return how far it came and the command that drives it again."""
+    """Return how far it came and the command that drives it again; nothing where others drive."""
     specs = (row.routes_spec for row in run.rows if any(result is item for item in row.results))
     routes_spec = next(specs, None)
-    if routes_spec is None:
+    if routes_spec is None or run.options.is_external:
         return []
     command = replay_command(result.episode, run.options, routes_spec=routes_spec)
     return [f"{_REPLAY} (it ended after {result.ticks} ticks):  {command}"]

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib import resources
@@ -161,6 +163,19 @@ def test_an_episode_names_the_command_that_drives_it_again(opened):
     assert told == (
         'drive-robust replay 2301 --agent follower:Follower --setting "GPS noise 15 m" --seed 0 --stuck-stop 10'
     )
+
+
+@pytest.mark.parametrize("simulator", ["bench2drive", "results"])
+def test_no_command_is_offered_where_others_drive(opened, tmp_path, reports, simulator):
+    folder = shutil.copytree(reports / "now", tmp_path / "report")
+    data = folder / "data" / "run.js"
+    own = json.dumps(data_of(folder)["options"]["simulator"])
+    text, told = re.subn(rf'("simulator": ?){own}', rf'\g<1>"{simulator}"', data.read_text(encoding="utf-8"))
+    assert told
+    data.write_text(text, encoding="utf-8")
+    page = opened(folder).go(EPISODE)
+    assert page.locator("table.facts").count() == 1
+    assert page.locator("main code").count() == 0
 
 
 def test_two_runs_are_compared_and_a_flip_opens_both(opened):

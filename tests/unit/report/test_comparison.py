@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from snapshot_factory import cell, snapshot, with_versions
+from dataclasses import replace
+
+from snapshot_factory import PRINT, cell, snapshot, with_versions
 
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.report.comparison import comparison_text, conclusion
@@ -31,6 +33,14 @@ def test_many_flips_are_cut_and_the_others_named() -> None:
     assert text.count("replay:  ") == 5
     assert "  and 35 more newly failing: " in text
     assert text.splitlines()[-1] == "REGRESSION: 1 of 1 setting against run: driver under clean"
+
+
+def test_no_replay_is_offered_where_others_drive() -> None:
+    evaluated = replace(PRINT, simulator="bench2drive")
+    before, after = (snapshot(cell([ds] * 40, fingerprint=evaluated)) for ds in (100.0, 10.0))
+    text = comparison_text(compare(before, after), colour=False)
+    assert "newly failing: " in text
+    assert "replay" not in text
 
 
 def test_every_line_but_a_replay_fits_into_100_columns() -> None:

@@ -92,6 +92,13 @@ def test_the_replay_command_survives_a_shell():
     assert words[words.index("--sim") + 1] == "my sim"
 
 
+@pytest.mark.parametrize("simulator", ["bench2drive", "results"])
+def test_no_replay_is_offered_where_others_drive(simulator):
+    text = text_of(requirement("RD", LATENCY) <= 0.10, CLEAN, PERTURBED, options=RunOptions(simulator=simulator))
+    assert "501 HardBreakRoute" in text
+    assert "replay" not in text
+
+
 def test_a_privileged_agent_is_said_to_be_one():
     assert "driver is privileged" in text_of(requirement("RD", LATENCY) <= 0.1, CLEAN, PERTURBED, privileged=True)
 

@@ -129,6 +129,10 @@ def test_agent_errors_are_listed_once_per_reason():
     assert "5 x agent error: ValueError: no (first driver on 0 under clean, seed 0)" in text.replace("\n", " ")
     command = "drive-robust replay 0 --agent driver --setting clean --seed 0"
     assert f"  replay (it ended after {broken[0].ticks} ticks):  {command}" in text.splitlines()
+    evaluated = replace(run_of(("clean", broken)), options=RunOptions(simulator="bench2drive"))
+    text = run_summary(evaluated, colour=False)
+    assert "5 x agent error: ValueError: no" in text
+    assert "drive-robust replay" not in text
 
 
 def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():

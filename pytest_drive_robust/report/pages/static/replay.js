@@ -58,7 +58,7 @@ driveRobust.views.set("episode", (() => {
       title: `${episode.place.scenario} ${episode.route} under ${episode.setting}`,
       nodes: [
         ...heading,
-        player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? "No trace of this episode is stored, so there is nothing to replay. Its line below drives it again." : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
+        player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
         film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
         facts(episode, beside),
         others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
@@ -71,7 +71,6 @@ driveRobust.views.set("episode", (() => {
   function facts(episode, beside) {
     const run = driveRobust.given.get("run");
     const row = (name, of) => h("tr", {}, h("th", { scope: "row" }, name), [beside, episode].filter(Boolean).map((item) => h("td", {}, of(item))));
-    const command = commandOf(run, episode);
     return h("section", {},
       h("h2", {}, "In numbers"),
       driveRobust.scroller("In numbers", h("table", { class: "facts" },
@@ -83,7 +82,12 @@ driveRobust.views.set("episode", (() => {
           row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
           row("driven", (item) => seconds(item.seconds)),
           row("ended", (item) => item.end)))),
-      h("p", {}, "Drive it again: ", h("code", {}, command)));
+      isExternal(run) ? null : h("p", {}, "Drive it again: ", h("code", {}, commandOf(run, episode))));
+  }
+
+  /* Whether the official evaluator drove, or somebody else before: no line of ours drives its episodes again. */
+  function isExternal(run) {
+    return ["bench2drive", "results"].includes(run.options.simulator);
   }
 
   /* The line that drives an episode again, without the options that say what the defaults say. */

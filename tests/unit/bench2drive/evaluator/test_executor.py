@@ -66,6 +66,8 @@ def test_the_time_of_an_episode_is_limited(tmp_path: Path, process_mark: str, mo
     ended = run(tmp_path, *chosen, "--drive-routes=101", "--drive-episode-timeout=0.2s")
     assert ended.returncode == 1
     assert "the route took longer than 0.2 s" in ended.stdout
+    assert ".log)" in ended.stdout  # what the evaluator said
+    assert "drive-robust replay" not in ended.stdout  # which drives in simulators of ours only
 
 
 @pytest.mark.parametrize(
