@@ -51,22 +51,38 @@ ABILITIES: Mapping[str, frozenset[str]] = MappingProxyType(
 
 _SIGNS = "Traffic_Signs"
 _SIGN_INFRACTIONS = (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN)
+_EVALUATOR = "bench2drive"
+"""Among the versions of an episode that the official evaluator drove, whose records tell of no junction."""
 
 
 def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
     """Return the success rate (0..1) of each ability over its routes, None where no episode belongs to it.
 
     Traffic_Signs has a rule of its own: an episode that failed later counts when it passed the first junction by 8
-    waypoints without running a red light or a stop sign. Raises `ComparisonError` for no episode or an `infra_error`.
+    waypoints without running a red light or a stop sign. It is None, too, where that is not known of an episode (see
+    `signs_between`). Raises `ComparisonError` for no episode or an `infra_error`.
     """
     require_scorable(results)
-    return {
+    rates = {
         ability: mean_over_routes(
             [result for result in results if result.scenario in scenarios],
             _masters_signs if ability == _SIGNS else is_success,
         )
         for ability, scenarios in ABILITIES.items()
     }
+    return rates if signs_between(results) is None else {**rates, _SIGNS: None}
+
+
+def signs_between(results: Sequence[EpisodeResult]) -> tuple[float, float] | None:
+    """Return the least and the largest that Traffic_Signs may be (0..1), None where it is known or has no route.
+
+    Records of the official evaluator do not say whether the first junction was passed; `drive-robust score` with
+    `--routes` and `--carla-root` asks the maps.
+    """
+    signs = [result for result in results if result.scenario in ABILITIES[_SIGNS]]
+    low = mean_over_routes(signs, _masters_signs)
+    high = mean_over_routes(signs, lambda result: _masters_signs(result) or _may_master_signs(result))
+    return None if low is None or high is None or low == high else (low, high)
 
 
 def mean_ability(rates: Mapping[str, float | None]) -> float | None:
@@ -76,5 +92,12 @@ def mean_ability(rates: Mapping[str, float | None]) -> float | None:
 
 
 def _masters_signs(result: EpisodeResult) -> bool:
-    obeyed = all(infraction.kind not in _SIGN_INFRACTIONS for infraction in result.infractions)
-    return is_success(result) or (result.junction_passed and obeyed)
+    return is_success(result) or (result.junction_passed and _obeyed(result))
+
+
+def _may_master_signs(result: EpisodeResult) -> bool:
+    return _EVALUATOR in result.versions and _obeyed(result) and result.route_completion_pct > 0.0
+
+
+def _obeyed(result: EpisodeResult) -> bool:
+    return all(infraction.kind not in _SIGN_INFRACTIONS for infraction in result.infractions)

@@ -9,7 +9,7 @@ from functools import cached_property
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.metrics.ability import abilities, mean_ability
+from pytest_drive_robust.metrics.ability import abilities, mean_ability, signs_between
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.episodes import mean_over_routes, require_mode, require_scorable, values_by_route
@@ -21,8 +21,8 @@ class Summary:
     """One row of a result table.
 
     `ds` is 0..100, `sr` 0..1, `efficiency` percent of the traffic's speed, `comfort` percent of the segments,
-    `abilities` success rates 0..1 by ability; None where no episode has data. `agent_errors` of the `episodes` ended
-    with `agent_error`.
+    `abilities` success rates 0..1 by ability; None where no episode has data or it is not known. `agent_errors` of the
+    `episodes` ended with `agent_error`.
     """
 
     ds: float
@@ -39,10 +39,15 @@ class Summary:
         """Percent of the segments; computed when first asked for, since it takes the trace of every episode."""
         return mean_over_routes(self._results, lambda result: comfort(result, mode=self._mode))
 
+    @cached_property
+    def signs_between(self) -> tuple[float, float] | None:
+        """What Traffic_Signs lies between where records do not tell it, 0..1; None where it is known."""
+        return signs_between(self._results)
+
     @property
     def mean_ability(self) -> float | None:
-        """The plain mean of the abilities that have data, 0..1, or None."""
-        return mean_ability(self.abilities)
+        """The plain mean of the abilities that have data, 0..1; None where none has or one is not known."""
+        return mean_ability(self.abilities) if self.signs_between is None else None
 
 
 def summarize(results: Sequence[EpisodeResult], *, mode: str = "bench2drive") -> Summary:

@@ -17,7 +17,7 @@ from pytest_drive_robust.store.whole_file import write_whole
 
 SCHEMA = 1
 """Grows when a key changes its meaning or goes away, not when one is added."""
-_SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "episodes", "agent_errors")
+_SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "signs_between", "episodes", "agent_errors")
 
 
 def write_json(path: Path, run: RunResult) -> None:

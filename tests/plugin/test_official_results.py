@@ -28,13 +28,13 @@ def test_requirement(drive, requirement):
 '''
 
 
-def write_results(path: Path, completions: dict[str, float]) -> None:
+def write_results(path: Path, completions: dict[str, float], scenario: str = "ParkedObstacle") -> None:
     """Official records of routes that were driven so far [%] without any infraction."""
     records = [
         {
             "index": number,
             "route_id": f"RouteScenario_{route}_rep0",
-            "scenario_name": "ParkedObstacle_1",
+            "scenario_name": f"{scenario}_1",
             "weather_id": "3",
             "save_name": f"RouteScenario_{route}_rep0_Town12_ParkedObstacle_1_3_01_02_03_04_05",
             "town_name": "Town12",
@@ -76,6 +76,15 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
     assert values["SR under clean >= 0.90"] == 1.0
     assert not (pytester.path / ".drive-robust").exists()
     result.stdout.no_fnmatch_line("*drive-robust replay*")  # nobody can drive them again
+
+
+def test_what_only_a_map_tells_is_stated_as_bounds(results, pytester):
+    write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, "T_Junction")
+    results("clean=late.json,200 ms latency=late.json", "--drive-json", "run.json")
+    document = json.loads((pytester.path / "run.json").read_text())
+    summary = document["summaries"][0]["summary"]
+    assert summary["abilities"]["Traffic_Signs"] is None
+    assert summary["signs_between"] == [0.25, 0.75]
 
 
 def test_results_of_the_released_code_are_named_in_its_reading(results, pytester):

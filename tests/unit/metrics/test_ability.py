@@ -1,11 +1,16 @@
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 from result_factory import crashed_simulation, make_result
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.ability import ABILITIES, abilities, mean_ability
+from pytest_drive_robust.metrics.ability import ABILITIES, abilities, mean_ability, signs_between
+from pytest_drive_robust.metrics.summary import summarize
 
 
 def test_the_lists_have_the_sizes_of_the_official_tool() -> None:
@@ -70,6 +75,27 @@ def test_signs_count_as_mastered_when_the_junction_was_passed_in_order(
 
     assert rates["Traffic_Signs"] == rate
     assert rates["Merging"] == 0.0
+
+
+def official(route: str, **given: Any) -> EpisodeResult:
+    """What is read from a record of the official evaluator, which tells of no junction."""
+    given = {"scenario": "NonSignalizedJunctionRightTurn", "end": End.TICK_CAP, "completion_pct": 40.0, **given}
+    return replace(make_result(route, **given), versions={"bench2drive": "results"})
+
+
+def test_signs_lie_between_bounds_where_records_tell_of_no_junction() -> None:
+    failed, red = official("2"), official("3", infractions=[InfractionKind.RED_LIGHT])
+    done, stood = official("1", end=End.COMPLETED, completion_pct=100.0), official("4", completion_pct=0.0)
+    assert signs_between([done, failed, red, stood]) == (0.25, 0.5)
+    assert abilities([done, failed, red, stood])["Traffic_Signs"] is None
+    assert abilities([done, failed, red, stood])["Merging"] == 0.25
+    assert summarize([done, failed]).mean_ability is None
+    assert signs_between([done, red, stood]) is None
+    assert abilities([done, red, stood])["Traffic_Signs"] == pytest.approx(1 / 3)
+    assert summarize([done, red, stood]).mean_ability == pytest.approx(1 / 3)
+    own = replace(failed, versions={})
+    assert signs_between([done, own]) is None
+    assert abilities([done, own])["Traffic_Signs"] == 0.5
 
 
 def test_abilities_of_nothing_or_of_an_infra_error_are_refused() -> None:
