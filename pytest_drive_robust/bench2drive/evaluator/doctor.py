@@ -33,6 +33,8 @@ told = {"python": list(sys.version_info[:2]), "missing": {}}
 for name in sys.argv[1:]:
     try:
         module = importlib.import_module(name)
+        if getattr(module, "__file__", None) is None:  # any folder of that name, as PythonAPI/carla is one
+            raise ImportError("only a folder of that name is there")
     except Exception as error:
         told["missing"][name] = "{}: {}".format(type(error).__name__, error)
     else:

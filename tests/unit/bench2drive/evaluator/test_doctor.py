@@ -60,6 +60,15 @@ def test_a_checkout_without_client_and_maps_says_so(tmp_path: Path) -> None:
     assert all(check.advice for check in checks.values() if check.ok is False)
 
 
+def test_the_folder_of_carlas_api_is_no_client(tmp_path: Path) -> None:
+    root, carla, _ = make(tmp_path)
+    (carla / "PythonAPI/carla/dist").mkdir(parents=True)
+    check = named(examine(root, carla_root=carla, python=sys.executable, port=free_ports()))["client"]
+    assert not check.ok
+    assert "only a folder" in check.found
+    assert "pip install carla" in check.advice
+
+
 def test_a_fork_without_the_seams_is_recognised(tmp_path: Path) -> None:
     root, carla, _ = make(tmp_path)
     (root / "leaderboard/leaderboard/envs/sensor_interface.py").write_text("class SensorInterface:\n    pass\n")
