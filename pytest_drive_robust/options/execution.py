@@ -10,17 +10,23 @@ from typing import Any
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
 from pytest_drive_robust.options.parsers import gigabytes, one_of, time_limit_s
+from pytest_drive_robust.options.run import BENCH2DRIVE
 
 _GUARDS = ("--drive-episode-timeout", "--drive-act-timeout", "--drive-memory")
 _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 
 def _executor(given: GivenText) -> str:
-    """Return the executor: `inline` where `auto` meets a debugger or prints, which need the agent in this process."""
+    """Return the executor: `inline` where `auto` meets a debugger or prints, which need the agent in this process.
+
+    The official evaluator has the agent in a process of its own, whatever is asked for.
+    """
     executor = _known_executor(given)
     if executor != "auto" or given.source is None:
         return executor
     config: Any = given.source
+    if (config.getoption("drive_sim") or config.getini("drive_sim")) == BENCH2DRIVE:
+        return "processes"
     debugging = any(config.getoption(name, False) for name in ("usepdb", "trace"))
     return "inline" if debugging or config.getoption("capture", "") == "no" else "processes"
 

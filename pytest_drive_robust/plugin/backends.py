@@ -63,7 +63,7 @@ def _refuse_unheeded(config: pytest.Config, options: RunOptions, execution: Exec
         "--drive-memory": execution.memory_bytes is not None,
         "--drive-stuck-stop": options.stuck_stop_s is not None,
         "--drive-lockstep": execution.lockstep is not None,
-        "--drive-executor": config.getoption("drive_executor") in ("inline", "ray"),  # not `inline` of -s or --pdb
+        "--drive-executor": execution.executor in ("inline", "ray"),
     }
     for flag, is_unheeded in unheeded.items():
         if is_unheeded and asked_for(flag, config):

@@ -63,7 +63,7 @@ def test_the_time_of_an_episode_is_limited(tmp_path: Path, process_mark: str, mo
     monkeypatch.setenv("CARLA_ROOT", str(carla))
     (tmp_path / "test_suite.py").write_text(SUITE)
     chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+hang")
-    ended = run(tmp_path, *chosen, "--drive-routes=101", "--drive-episode-timeout=0.2s")
+    ended = run(tmp_path, *chosen, "--drive-routes=101", "--drive-episode-timeout=0.2s", "-s")
     assert ended.returncode == 1
     assert "the route took longer than 0.2 s" in ended.stdout
     assert ".log)" in ended.stdout  # what the evaluator said
