@@ -19,9 +19,6 @@ _COMMANDS = {
 }
 
 
-NEEDS_TORCH = "needs torch, which is not installed: pip install 'drive-robust-agents[train]'"
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; the exit code is 4 for what cannot be used, 130 when interrupted."""
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch is imported: its threads spin otherwise
@@ -35,10 +32,6 @@ def main(arguments: list[str] | None = None) -> int:
                 import_module(f"drive_robust_agents.training.{name}").add_arguments(one)
             except DriveRobustError as error:
                 parser.exit(4, f"{error}\n")
-            except ModuleNotFoundError as error:
-                if error.name != "torch":
-                    raise
-                parser.exit(4, f"{name} {NEEDS_TORCH}\n")
     options = parser.parse_args(given)
     try:
         code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)

@@ -11,7 +11,6 @@ import os
 import shlex
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 
@@ -64,10 +63,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> int:
     """Run all steps in order; return the exit code of the first one that fails. Raises `UsageError`."""
-    from drive_robust_agents.training.__main__ import NEEDS_TORCH, main
+    from drive_robust_agents.training.__main__ import main
 
-    if find_spec("torch") is None:  # before the expert drives, not after it
-        raise UsageError(f"reproduce {NEEDS_TORCH}")
     if not 0.0 < given.share <= 1.0:
         raise UsageError(f"--share is {given.share!r}, expected more than 0 and at most 1.")
     for command in commands(given):

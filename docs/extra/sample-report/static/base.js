@@ -75,8 +75,9 @@ const driveRobust = (() => {
     const text = Math.abs(value).toFixed(decimals);
     return value < 0 && Number(text) !== 0 ? MINUS + text : text;
   }
+  /* RD and SR are shares; what a metric of a user is, nobody knows. */
   function decimalsOf(metric) {
-    return metric === "RD" || metric === "SR" ? 2 : 1;
+    return ["DS", "comfort", "efficiency"].includes(metric) ? 1 : 2;
   }
   function shown(metric, value) {
     return fixed(value, decimalsOf(metric));

@@ -19,7 +19,7 @@ driveRobust.episodes = (() => {
         outcome: word(columns.outcome[number]), end: word(columns.end[number]), story: word(columns.story[number]),
         ds: columns.ds[number], success: columns.success[number] === 1, scored: columns.ds[number] !== null,
         completion: columns.completion[number], efficiency: columns.efficiency[number], comfort: columns.comfort[number],
-        seconds: columns.seconds[number], wall: columns.wall[number], twin: columns.twin[number],
+        seconds: columns.seconds[number], dt: columns.dt[number], clean: columns.clean[number] === 1, wall: columns.wall[number], twin: columns.twin[number],
         parted: columns.parted[number], partedBy: word(columns.partedBy[number]),
         events: columns.events[number].map(([kind, second, detail, x, y]) => ({ kind: word(kind), second, detail: word(detail), x, y })),
         spans: columns.spans[number].map(([signal, first, last]) => ({ signal: word(signal), first, last })),

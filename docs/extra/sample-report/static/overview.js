@@ -1,6 +1,13 @@
 "use strict";
 /* The first view: what holds, what is broken, how each agent did under each setting, what ran. */
-driveRobust.requirementLink = (item, query) => driveRobust.link(["requirement", item.agent, item.requirement], query);
+/* The same sentence may stand for an agent in several tests, on other routes or seeds: the link counts them. */
+driveRobust.requirementsCalled = (agent, sentence) => driveRobust.given.get("run").requirements.filter((item) => item.agent === agent && item.requirement === sentence);
+driveRobust.requirementLink = (item) => driveRobust.link(["requirement", item.agent, item.requirement], { number: driveRobust.requirementsCalled(item.agent, item.requirement).indexOf(item) || "" });
+driveRobust.requirementLabel = (item) => {
+  const twins = driveRobust.requirementsCalled(item.agent, item.requirement);
+  const differ = (of) => new Set(twins.map((twin) => String(of(twin)))).size > 1;
+  return [item.requirement, differ((twin) => twin.routesSpec) ? ` on ${item.routesSpec}` : "", differ((twin) => twin.seeds) ? `, seeds ${item.seeds.join(", ")}` : ""].join("");
+};
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
@@ -56,7 +63,7 @@ driveRobust.views.set("", (() => {
       h("thead", {}, h("tr", {}, ["verdict", "requirement", "agent", "value", "against the limit", "routes"].map((name) => h("th", { scope: "col", class: name === "value" || name === "routes" ? "number" : null }, name)))),
       h("tbody", {}, items.map((item) => h("tr", {},
         h("td", {}, badge(item.verdict)),
-        h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, item.requirement)),
+        h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item))),
         h("td", { class: "who" }, item.agent),
         h("td", { class: "number" }, shown(item.metric, item.value)),
         h("td", { class: "drawn" }, driveRobust.charts.bullet(item)),
@@ -75,7 +82,7 @@ driveRobust.views.set("", (() => {
     const value = row.numbers[metric];
     const share = goodness(metric, value);
     const interval = row.intervals[metric];
-    const words = [`${row.agent} under ${row.setting}: ${metric} ${shown(metric, value)}`];
+    const words = [`${row.agent} under ${row.label}: ${metric} ${shown(metric, value)}`];
     if (interval) words.push(`${between(metric, ...interval)} on routes like these`);
     words.push(`${row.routes} of ${counted(row.planned, "route")}`);
     const empty = value === null || value === undefined;
@@ -86,26 +93,26 @@ driveRobust.views.set("", (() => {
 
   function matrix(run, metric) {
     const agents = agentsOf(run);
-    const settings = [...new Set(run.rows.map((row) => row.setting))];
+    const labels = [...new Set(run.rows.map((row) => row.label))];
     const names = ["all", ...ALL];
     const choice = h("div", { class: "choice", role: "group", "aria-label": "Metric" }, names.map((name) => h("a", { href: link([], { metric: name }), class: name === metric ? "here" : null, "aria-current": name === metric ? "true" : null }, name === "all" ? "all metrics" : name)));
-    const of = (agent, setting) => run.rows.find((row) => row.agent === agent && row.setting === setting);
+    const of = (agent, label) => run.rows.find((row) => row.agent === agent && row.label === label);
     const head = [h("div", { class: "head" }, h("h2", {}, "Agents and settings"), choice)];
     const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? ` ${run.metrics[metric].meaning}` : " intervals, where a verdict did not need all routes, in small figures");
     if (metric === "all") {
       const several = agents.length > 1;
       return [head, scroller("Agents and settings", h("table", { class: "matrix" },
         h("thead", {}, h("tr", {}, several ? h("th", { scope: "col" }, "agent") : null, h("th", { scope: "col" }, "setting"), ALL.map((name) => h("th", { scope: "col", class: "number" }, name)), h("th", { scope: "col", class: "number" }, "routes"), h("th", { scope: "col" }, "verdict"))),
-        h("tbody", {}, run.rows.map((row) => h("tr", {}, several ? h("td", {}, row.agent) : null, h("th", { scope: "row" }, row.setting, row.privileged ? h("span", { class: "soft", title: "this agent sees ground truth" }, " *") : null), ALL.map((name) => cell(row, name)),
+        h("tbody", {}, run.rows.map((row) => h("tr", {}, several ? h("td", {}, row.agent) : null, h("th", { scope: "row" }, row.label, row.privileged ? h("span", { class: "soft", title: "this agent sees ground truth" }, " *") : null), ALL.map((name) => cell(row, name)),
           h("td", { class: "number" }, routesOf(row)), h("td", {}, badge(row.verdict))))))), legend];
     }
     return [head, scroller("Agents and settings", h("table", { class: "matrix" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "setting"), agents.map((agent) => h("th", { scope: "col", class: "number" }, agent)))),
-      h("tbody", {}, settings.map((setting) => h("tr", {}, h("th", { scope: "row" }, setting), agents.map((agent) => cell(of(agent, setting), metric))))))), legend];
+      h("tbody", {}, labels.map((label) => h("tr", {}, h("th", { scope: "row" }, label), agents.map((agent) => cell(of(agent, label), metric))))))), legend];
   }
 
   function routesOf(row) {
-    if (row.finished < row.needed) return `${row.finished} of ${row.needed}`;
+    if (row.finished < row.needed) return `${row.finished} of ${counted(row.needed, "episode")}`;
     return row.routes < row.planned ? `${row.routes} of ${row.planned}` : String(row.routes);
   }
 

@@ -50,14 +50,15 @@ driveRobust.views.set("episode", (() => {
       h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
     ];
     const shown = scenes.filter(({ data }) => data.motion);
-    const player = shown.length ? new Player(shown, beside, start, dtOf(episode, shown)) : null;
+    const moves = shown.some((scene) => scene.episode === episode);
+    const player = moves ? new Player(shown, start, episode.dt) : null;
     const film = run.films[episode.number];
     const others = episodes.own().filter((item) => item.route === episode.route && item.agent === episode.agent && item.seed === episode.seed);
     return {
       title: `${episode.place.scenario} ${episode.route} under ${episode.setting}`,
       nodes: [
         ...heading,
-        player ? player.nodes() : h("p", { class: "notice" }, "No trace of this episode is stored, so there is nothing to replay. Its line below drives it again."),
+        player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
         film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
         facts(episode, beside),
         others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
@@ -67,16 +68,9 @@ driveRobust.views.set("episode", (() => {
     };
   }
 
-  function dtOf(episode, shown) {
-    const own = shown[shown.length - 1];
-    const ticks = (own.data.motion.rows - 1) * own.data.motion.every + 1;
-    return Math.abs(episode.seconds / ticks - 0.05) < 0.01 || ticks < 3 ? 0.05 : episode.seconds / ticks;
-  }
-
   function facts(episode, beside) {
     const run = driveRobust.given.get("run");
     const row = (name, of) => h("tr", {}, h("th", { scope: "row" }, name), [beside, episode].filter(Boolean).map((item) => h("td", {}, of(item))));
-    const command = commandOf(run, episode);
     return h("section", {},
       h("h2", {}, "In numbers"),
       driveRobust.scroller("In numbers", h("table", { class: "facts" },
@@ -88,15 +82,19 @@ driveRobust.views.set("episode", (() => {
           row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
           row("driven", (item) => seconds(item.seconds)),
           row("ended", (item) => item.end)))),
-      h("p", {}, "Drive it again: ", h("code", {}, command)));
+      isExternal(run) ? null : h("p", {}, "Drive it again: ", h("code", {}, commandOf(run, episode))));
+  }
+
+  /* Whether the official evaluator drove, or somebody else before: no line of ours drives its episodes again. */
+  function isExternal(run) {
+    return ["bench2drive", "results"].includes(run.options.simulator);
   }
 
   /* The line that drives an episode again, without the options that say what the defaults say. */
   function commandOf(run, episode) {
     const { options } = run;
-    const row = run.rows.find((item) => item.agent === episode.agent && item.setting === episode.setting);
     const words = ["drive-robust", ...(options.plugins || []).flatMap((plugin) => ["-p", plugin]), "replay", episode.route, "--agent", episode.agent, "--setting", episode.setting, "--seed", episode.seed];
-    if (row && row.routesAre === "elsewhere") words.push("--routes", row.routesSpec);
+    if (episode.place.file) words.push("--routes", episode.place.file);
     if (options.stuck_stop_s) words.push("--stuck-stop", options.stuck_stop_s);
     if (options.simulator !== "embedded") words.push("--sim", options.simulator);
     if (options.vehicle) words.push("--vehicle", options.vehicle);
@@ -113,11 +111,11 @@ driveRobust.views.set("episode", (() => {
   }
 
   class Player {
-    constructor(shown, beside, start, dt) {
+    constructor(shown, start, dt) {
       this.dt = dt;
       const own = shown[shown.length - 1].episode;
       this.panes = shown.map(({ episode, data }) => ({
-        episode, role: episode === own && (shown.length > 1 || episode.twin >= 0) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
+        episode, role: episode === own && (shown.length > 1 || !episode.clean) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
       }));
       this.own = this.panes.find((pane) => pane.episode === own);
       this.twin = this.panes.find((pane) => pane !== this.own) || null;

@@ -4,16 +4,15 @@ driveRobust.views.set("requirement", (() => {
   const { h, link, shown, between, counted, badge, seconds, fixed, scroller } = driveRobust;
   const RULES = { evidence: "judged by evidence, route by route", list: "judged on this list of routes", point: "the value compared with the limit" };
 
-  function render([agent, sentence]) {
-    const run = driveRobust.given.get("run");
-    const item = run.requirements.find((found) => found.agent === agent && found.requirement === sentence);
+  function render([agent, sentence], query) {
+    const item = driveRobust.requirementsCalled(agent, sentence)[Number(query.get("number") || 0)];
     if (!item) return { title: "No such requirement", nodes: [h("h1", {}, "No such requirement"), h("p", {}, sentence)] };
     const routes = routesOf(item);
     return {
       title: item.requirement,
       nodes: [
         h("p", { class: "crumbs" }, h("a", { href: link([]) }, "Requirements"), " / ", item.agent),
-        h("h1", {}, badge(item.verdict), " ", item.requirement),
+        h("h1", {}, badge(item.verdict), " ", driveRobust.requirementLabel(item)),
         h("p", { class: "lead" }, sentenceOf(item)),
         item.reason ? h("p", { class: "notice" }, item.reason) : null,
         worst(item, routes),

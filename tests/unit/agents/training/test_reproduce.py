@@ -77,12 +77,3 @@ def test_one_command_makes_weights_that_drive(tmp_path: Path, capsys: pytest.Cap
     before = best.read_bytes()
     assert main(["reproduce", *arguments]) == 0
     assert best.read_bytes() == before
-
-
-def test_without_torch_nothing_is_begun(tmp_path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr("drive_robust_agents.training.reproduce.find_spec", lambda name: None)
-    with pytest.raises(SystemExit) as ended:
-        main(["reproduce", "--agent", "tcp", "--out", str(tmp_path / "out")])
-    assert ended.value.code == 4
-    assert "reproduce needs torch, which is not installed: pip install" in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
