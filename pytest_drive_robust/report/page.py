@@ -80,8 +80,7 @@ class Page:
 
         heads = ("agent", "setting", *numbers, *(["verdict"] if verdicts else []))
         longest = [
-            max(len(line) for text in (head, *column) for line in text.split("\n"))
-            for head, column in zip(heads, zip(*rows, strict=True), strict=True)
+            max(len(line) for text in column for line in text.split("\n")) for column in zip(heads, *rows, strict=True)
         ]
         ruled = box.SIMPLE_HEAD if self._colour else None
         table = Table(box=ruled, pad_edge=False, padding=(0, 1), header_style="bold")

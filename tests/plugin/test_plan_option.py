@@ -45,3 +45,10 @@ def test_another_rule_takes_what_it_takes_beyond_what_is_stored(plan, pytester, 
     *_, row, last, _ = plan("--drive-verdict", "point")
     assert row.split() == ["steady", "clean", "60", str(took), str(60 - took)]
     assert last.startswith(f"{60 - took} episodes would be driven")
+
+
+def test_a_suite_that_asks_for_nothing_has_an_empty_plan(suite):
+    project = suite(test="def test_nothing():\n    pass\n")
+    result = project.runpytest_inprocess("--drive-robust", "--drive-plan")
+    assert "INTERNALERROR" not in "\n".join((*result.outlines, *result.errlines))
+    assert "Every verdict is in: nothing would be driven." in result.outlines

@@ -79,3 +79,8 @@ def test_an_agent_of_which_nothing_is_stored_is_not_estimated_by_another_one() -
         "70 episodes would be driven, 1 at a time, in about 30 s and what those of slow take, "
         "of which none is stored yet."
     )
+
+
+def test_where_nothing_is_asked_for_nothing_would_be_driven() -> None:
+    text = plan_text((), {}.get, likely=(), possible=(), slots=1, colour=False)
+    assert text.splitlines()[-1] == "Every verdict is in: nothing would be driven."
