@@ -30,6 +30,9 @@ _MARGIN = re.compile(
     r"\s*(?P<others>[^()]*)\))?",
     re.IGNORECASE,
 )
+_ASKS_FOR_A_MARGIN = re.compile(r".+?\s+margin\s*[<>=≤≥]", re.IGNORECASE)
+_MARGIN_FORM = "FAILURE margin >= SEVERITY (METRIC <= LIMIT)"
+_IN_UNIT_OF_LADDER = {("s", "ms"): 1000.0, ("ms", "s"): 0.001, ("cm", "m"): 0.01, ("km", "m"): 1000.0}
 
 DEFAULT_LIMIT = 0.30
 """The RD that a margin allows when its sentence does not say."""
@@ -84,7 +87,8 @@ def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
     try:
         return _parse(sentence, known)
     except UsageError as error:
-        suggestion = nearest_sentence(sentence, known, _canonical)
+        # the nearest sentence to a margin may be a limit, which says the opposite
+        suggestion = None if _ASKS_FOR_A_MARGIN.match(sentence) else nearest_sentence(sentence, known, _canonical)
         hint = f"\nNearest valid sentence: {suggestion}" if suggestion else ""
         raise RequirementError(f"{error}{hint}") from None
 
@@ -118,19 +122,22 @@ def _parse(sentence: str, known: Known) -> Requirement:
 def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     """Return the requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
 
-    Raises `RequirementError` for a failure that nobody knows and for the wrong unit, `PerturbationError` for a severity
-    that the failure cannot have.
+    Raises `RequirementError` for a failure that nobody knows, for the wrong unit and for a margin that is stated in
+    another way, `PerturbationError` for a severity that the failure cannot have.
     """
     found = _MARGIN.fullmatch(sentence)
     if found is None:
+        if _ASKS_FOR_A_MARGIN.match(sentence):
+            raise RequirementError(f"{sentence!r} states no margin. Expected '{_MARGIN_FORM}', the brackets optional.")
         return None
     ladder = _ladder(found["words"], known)
     unit = found["unit"].lower()
     if unit != ladder.unit:
         given = f"has the unit {unit!r}" if unit else "has no unit"
+        level = float(found["level"]) * _IN_UNIT_OF_LADDER.get((unit, ladder.unit), 1.0)
         raise RequirementError(
             f"the severity {found['level']} {given}. Expected {ladder.unit or 'none'}: "
-            f"'{ladder.word} margin >= {found['level']} {ladder.unit}'.".replace(" '.", "'.")
+            f"'{ladder.word} margin >= {level:g} {ladder.unit}'.".replace(" '.", "'.")
         )
     metric = known_metric(found["metric"] or "RD")
     comparison = _COMPARISONS[found["comparison"] or "<="]

@@ -253,13 +253,15 @@ def test_it_has_an_object_form() -> None:
 @pytest.mark.parametrize(
     ("sentence", "message"),
     [
-        ("latency margin >= 0.2 s", "has the unit 's'. Expected ms: 'latency margin >= 0.2 ms'"),
+        ("latency margin >= 0.2 s", "has the unit 's'. Expected ms: 'latency margin >= 200 ms'"),
+        ("burst frame drop margin >= 500 ms", "Expected s: 'burst frame drop margin >= 0.5 s'"),
         ("latency margin >= 150", "has no unit. Expected ms: 'latency margin >= 150 ms'"),
         ("occlusion margin >= 0.5 m", "has the unit 'm'. Expected none: 'occlusion margin >= 0.5'"),
         ("latancy margin >= 150 ms", "there is no failure called 'latancy'. Did you mean 'latency'?"),
         ("latency margin >= 150 ms (XY <= 0.3)", "there is no metric named 'XY'"),
         ("latency margin >= 150 ms (RD <= 1)", "holds for every agent"),
-        ("latency margin <= 150 ms", "the word 'under' is missing"),
+        ("latency margin <= 150 ms", "states no margin. Expected 'FAILURE margin >= SEVERITY (METRIC <= LIMIT)'"),
+        ("latency margin >= much", "states no margin"),
         ("occlusion margin >= 1.5", "ratio is 1.5"),
     ],
 )
@@ -267,6 +269,7 @@ def test_what_cannot_be_meant_is_refused(sentence: str, message: str) -> None:
     with pytest.raises(RequirementError) as error:
         parsed(sentence)
     assert message in str(error.value)
+    assert "Nearest valid sentence" not in str(error.value)  # a limit would say the opposite of a margin
 
 
 def test_margins_stand_beside_other_requirements() -> None:
