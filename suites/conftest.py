@@ -1,4 +1,4 @@
-"""The order of the suites: the smoke suite says within seconds whether the tool works, so it comes first."""
+"""The order of the suites: the smoke suite is the short one, and says whether the tool works, so it comes first."""
 
 from __future__ import annotations
 

@@ -28,7 +28,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `comment`."""
     parser.description = _DESCRIPTION
     parser.add_argument("file", metavar="FILE", help="Markdown")
-    parser.add_argument("--name", default="drive-robust", help="of several comments on one pull request")
+    parser.add_argument(
+        "--name", default="drive-robust", help="tells several comments on one pull request apart; default: drive-robust"
+    )
     parser.add_argument(
         "--link", action="append", default=[], metavar="NAME=URL", help="put below it; repeatable; no URL, no link"
     )
@@ -47,7 +49,7 @@ def _comment(options: argparse.Namespace) -> int:
     environ = os.environ
     token, pull = environ.get("GITHUB_TOKEN", ""), _pull_request(environ)
     if not pull or not token:
-        say(f"no comment: {'there is no GITHUB_TOKEN' if pull else 'this is no pull request'}")
+        say(f"no comment: {'there is no GITHUB_TOKEN' if pull else 'this is not a pull request'}")
         return 0
     mark = f"<!-- pytest-drive-robust: {options.name} -->"
     commit = str(pull.get("head", {}).get("sha", ""))[:7]

@@ -40,7 +40,11 @@ _CUT_OFF = 1  # as rich has it, which prints the tables
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command. Returns the exit code: 0, 1 for a broken contract, 4 for what we cannot use."""
+    """Run one command.
+
+    Returns the exit code: 0; 1 when what was checked does not hold (a contract, a comparison, a stored record, a
+    replay, the doctor's list); 4 for input that cannot be used.
+    """
     options = _parser().parse_args(arguments)
     try:
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`

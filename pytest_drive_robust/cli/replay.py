@@ -116,7 +116,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
         given = [f"--{name}" for name in ("agent", "setting", "seed") if getattr(options, name) is not None]
         if given:
             raise UsageError(
-                f"--stored-controls and {given[0]} exclude each other: the episode was driven as {stored.episode}. "
+                f"--stored-controls and {given[0]} cannot be combined: the episode was driven as {stored.episode}. "
                 "Leave one of them out."
             )
     agent = options.agent or (stored.episode.agent if stored else None)

@@ -86,7 +86,7 @@ def read_episode_file(name: str) -> EpisodeResult:
     except FileNotFoundError:
         raise UsageError(f"there is no episode file {name!r}. Looked from the folder {Path.cwd()}.") from None
     except Exception as error:
-        raise UsageError(f"{name!r} is no stored episode: {type(error).__name__}: {error}") from error
+        raise UsageError(f"{name!r} is not a stored episode: {type(error).__name__}: {error}") from error
 
 
 def _run_file(reference: str | None) -> Path | None:

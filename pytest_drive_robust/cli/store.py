@@ -107,5 +107,5 @@ def _folder(options: argparse.Namespace) -> Path:
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
         raise UsageError(f"there is no store {str(folder)!r}.{advice}")
     if not is_store(folder):
-        raise UsageError(f"{str(folder)!r} is no store: it has no folder 'episodes'. A project's is .drive-robust.")
+        raise UsageError(f"{str(folder)!r} is not a store: it has no folder 'episodes'. A project's is .drive-robust.")
     return folder

@@ -81,10 +81,10 @@ class ExecutionOptions:
                         "--drive-executor inline, -s, --pdb or --trace asks for it. Leave one of them out."
                     )
         if options.executor != "ray" and asked_for("--drive-ray-address", config):
-            raise UsageError("--drive-ray-address is of --drive-executor ray only: give that, too, or leave it out.")
+            raise UsageError("--drive-ray-address needs --drive-executor ray: add that, or leave the address out.")
         if options.lockstep is not None and options.executor == "ray":
             raise UsageError(
-                "--drive-lockstep and --drive-executor ray exclude each other: Ray drives every episode in a process "
+                "--drive-lockstep and --drive-executor ray cannot be combined: Ray drives every episode in a process "
                 "of its own. Leave one of them out."
             )
         return options
@@ -93,7 +93,7 @@ class ExecutionOptions:
         """Raise `UsageError` when pytest-xdist's workers cannot drive like this."""
         if self.executor == "ray":
             raise UsageError(
-                "--drive-executor ray and -n exclude each other: every worker would start, or fill, a cluster of its "
+                "--drive-executor ray and -n cannot be combined: every worker would start, or fill, a cluster of its "
                 "own. Leave -n out; Ray drives the episodes of one pytest on all nodes at once."
             )
 

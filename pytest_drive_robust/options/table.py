@@ -74,7 +74,7 @@ _RUN = (
     Option("--drive-csv", "FILE", "", "write one line for each episode to FILE"),
     Option("--drive-report", "FOLDER", "", "write pages to look at to FOLDER: verdicts, failures, replays"),
     _switch("--drive-plan", "show which episodes are needed and stored; drive nothing"),
-    _switch("--drive-probe", "drive one clean episode twice: does one seed suffice?"),
+    _switch("--drive-probe", "drive one clean episode twice first, and report whether it repeats to the bit"),
 )
 
 _EXECUTION = (
@@ -92,8 +92,8 @@ _EXECUTION = (
         "",
         "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
     ),
-    Option("--drive-episode-timeout", "TIME", "30m", "an episode must end within, as in 90s"),
-    Option("--drive-act-timeout", "TIME", "60s", "a call of the agent must return within"),
+    Option("--drive-episode-timeout", "TIME", "30m", "longest wall time of an episode, as in 90s"),
+    Option("--drive-act-timeout", "TIME", "60s", "longest wall time of one call of the agent"),
     Option("--drive-memory", "GB", "", "what the process of an episode may allocate, as in 4"),
     Option(
         "--drive-ray-address",
@@ -138,7 +138,8 @@ _REGRESSION = (
         "--drive-on-mismatch",
         "POLICY",
         "default",
-        "warn or refuse when the two runs were not driven with the same; else other routes and simulators are refused",
+        "default, warn or refuse, when the two runs were driven differently; default refuses other routes and "
+        "simulators, and warns about the rest",
     ),
     Option("--drive-baselines", "FOLDER", "", "blessed baselines; default: suites/baselines"),
     Option("--drive-waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists"),

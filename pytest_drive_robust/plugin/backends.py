@@ -68,9 +68,9 @@ def _refuse_unheeded(config: pytest.Config, options: RunOptions, execution: Exec
     for flag, is_unheeded in unheeded.items():
         if is_unheeded and asked_for(flag, config):
             raise UsageError(
-                f"{flag} {config.getoption(OPTIONS[flag].name)} is not heeded with --drive-sim {BENCH2DRIVE}: the "
+                f"{flag} {config.getoption(OPTIONS[flag].name)} has no effect with --drive-sim {BENCH2DRIVE}: the "
                 "official evaluator drives in processes and by rules of its own. Leave it out; --drive-episode-timeout "
-                "and --drive-workers are heeded."
+                "and --drive-workers do have an effect."
             )
 
 

@@ -21,7 +21,7 @@ from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.report.numbers import interval_text, legible
+from pytest_drive_robust.report.numbers import counted, interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.record import searched
 from pytest_drive_robust.runner.scopes import Scopes
@@ -70,7 +70,7 @@ class Estimate(float):
         interval = interval_text(self.metric, self.low, self.high)
         return (
             f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
-            f"{self.routes} routes x {self.seeds} seeds)"
+            f"{counted(self.routes, 'route')} x {counted(self.seeds, 'seed')})"
         )
 
 

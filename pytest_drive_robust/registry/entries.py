@@ -54,8 +54,8 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
         name, equals, value = option.partition("=")
         if not equals or not value or name in options:
             raise UsageError(
-                f"{option!r} in {agent + ':' + text!r} is no option of an agent: expected NAME=VALUE, each name once, "
-                f"several with {_BETWEEN!r} between them."
+                f"{option!r} in {agent + ':' + text!r} is not an option of an agent: expected NAME=VALUE, each name "
+                f"once, several with {_BETWEEN!r} between them."
             )
         if name not in known:
             raise UnknownNameError.of(f"option of the agent {agent!r}", name, known)

@@ -34,7 +34,7 @@ def plugin_source(plugin: object) -> tuple[str, str]:
     """
     if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
         raise UsageError(
-            f"the plugin {plugin!r} implements {_HOOK} but is no module in a file, so that the processes that drive "
+            f"the plugin {plugin!r} implements {_HOOK} but is not a module in a file, so that the processes that drive "
             "episodes cannot import it. Register the names in a module or a conftest.py, or give "
             "--drive-executor inline."
         )
@@ -89,7 +89,7 @@ def imported_from(module: str, file: str) -> ModuleType:
         return importlib.import_module(module)
     spec = importlib.util.spec_from_file_location(module, file)
     if spec is None or spec.loader is None:
-        raise ImportError(f"{file} is no Python module")
+        raise ImportError(f"{file} is not a Python module")
     made = importlib.util.module_from_spec(spec)
     sys.modules[module] = made
     spec.loader.exec_module(made)

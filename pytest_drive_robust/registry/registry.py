@@ -266,5 +266,5 @@ def _members(protocol: type) -> list[str]:
 
 def _check_perturbation(cls: object, origin: str) -> type[Perturbation]:
     if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
-        raise PluginError(f"{cls!r} from {origin} is no perturbation: expected a subclass of Perturbation.")
+        raise PluginError(f"{cls!r} from {origin} is not a perturbation: expected a subclass of Perturbation.")
     return cls

@@ -110,7 +110,7 @@ def read_baseline(path: Path) -> Baseline:
     except OSError as error:
         raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise UsageError(f"{str(path)!r} is no baseline: {type(error).__name__}: {error}.") from None
+        raise UsageError(f"{str(path)!r} is not a baseline: {type(error).__name__}: {error}.") from None
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
@@ -234,7 +234,7 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
     if broken:
         others = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
         raise UsageError(
-            f"{run.label} is not whole: {broken[0]}{others}. Such a run is no baseline: run its command again."
+            f"{run.label} is incomplete: {broken[0]}{others}. It cannot become a baseline: run its command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")

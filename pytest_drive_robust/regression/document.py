@@ -34,10 +34,10 @@ def read_document(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"the run {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:
-        raise UsageError(f"the run {str(path)!r} is no JSON: {error}.") from None
+        raise UsageError(f"the run {str(path)!r} is not valid JSON: {error}.") from None
     known = ("settings", "summaries", "episodes")
     if not isinstance(document, dict) or any(name not in document for name in known):
-        raise UsageError(f"{str(path)!r} is no run: expected a file written by --drive-save or --drive-json.")
+        raise UsageError(f"{str(path)!r} is not a run: expected a file written by --drive-save or --drive-json.")
     if document.get("schema") != _SCHEMA:
         raise UsageError(
             f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {_SCHEMA}. "

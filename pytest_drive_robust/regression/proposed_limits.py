@@ -55,8 +55,8 @@ def propose_limits(
     if broken:
         more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
         raise UsageError(
-            f"the run {run.label!r} is not whole: {agent} under {broken[0]}{more}. Such a run gives no limits: run its "
-            "command again."
+            f"the run {run.label!r} is incomplete: {agent} under {broken[0]}{more}. Such a run gives no limits: run "
+            "its command again."
         )
     proposed = [_proposed(setting, cells, rule) for setting in cells]
     found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)

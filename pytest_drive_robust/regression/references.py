@@ -46,7 +46,7 @@ def check_run_name(name: str, *, source: str) -> str:
     A path is refused with advice: `--drive-save suites/` takes the folder that was meant to be collected.
     """
     if name in _RESERVED:
-        raise UsageError(f"{source} is {name!r}, which stands for something else. Choose another name.")
+        raise UsageError(f"{source} is {name!r}, which is a reserved word. Choose another name.")
     if not _NAME.fullmatch(name) or name.endswith((".json", ".py")):
         raise UsageError(
             f"{source} is {name!r}, expected a name of letters, digits and . _ + -, as in {source}=before. "

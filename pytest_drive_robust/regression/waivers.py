@@ -112,12 +112,12 @@ def read_waivers(path: Path) -> tuple[Waiver, ...]:
     except OSError as error:
         raise UsageError(f"the waivers {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:
-        raise UsageError(f"the waivers {str(path)!r} are no TOML: {error}.") from None
+        raise UsageError(f"the waivers {str(path)!r} are not valid TOML: {error}.") from None
     given = document.pop("waiver", [])
     if document:
         raise UnknownNameError.of(f"table in {str(path)!r}", next(iter(document)), ["waiver"])
     if not isinstance(given, list) or not all(isinstance(item, dict) for item in given):
-        raise UsageError(f"'waiver' in {str(path)!r} is no list of tables, expected [[waiver]] before each.")
+        raise UsageError(f"'waiver' in {str(path)!r} is not a list of tables, expected [[waiver]] before each.")
     return tuple(_waiver(item, f"waiver {number} in {str(path)!r}") for number, item in enumerate(given, start=1))
 
 

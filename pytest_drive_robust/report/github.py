@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.regression.outcome import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.numbers import interval_text, legible, shown
+from pytest_drive_robust.report.numbers import ends_text, legible, shown
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
@@ -70,7 +70,7 @@ def _headline(run: RunResult) -> str:
 def _verdict(judged: Judged) -> tuple[str, ...]:
     interval = "-"
     if judged.low is not None and judged.high is not None:
-        interval = interval_text(judged.metric, judged.low, judged.high).partition("interval ")[2]
+        interval = ends_text(judged.metric, judged.low, judged.high)
     routes = f"{judged.routes} of {judged.planned}" if judged.routes < judged.planned else str(judged.routes)
     return (
         judged.requirement,

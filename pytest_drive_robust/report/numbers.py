@@ -19,12 +19,20 @@ def shown(metric: str, value: float | None) -> str:
     return "0.00" if text == "-0.00" and metric in _SHARES else text
 
 
+OPEN = "not shown to be broken, nor to hold within its margin"
+"""What is said of an inconclusive verdict that has no message of its own."""
+
+
 def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
     """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
-    name = f"{100.0 * confidence:.3g} % interval"
+    return f"{100.0 * confidence:.3g} % interval {ends_text(metric, low, high)}"
+
+
+def ends_text(metric: str, low: float, high: float) -> str:
+    """Return `"0.33 to 0.53"`; `"unknown"` when an end is infinite: too few routes."""
     if not (math.isfinite(low) and math.isfinite(high)):
-        return f"{name} unknown"
-    return f"{name} {lower_end(metric, low)} to {shown(metric, high)}"
+        return "unknown"
+    return f"{lower_end(metric, low)} to {shown(metric, high)}"
 
 
 def lower_end(metric: str, low: float) -> str:

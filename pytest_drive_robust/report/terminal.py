@@ -8,7 +8,7 @@ from functools import partial
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import legible, lower_end, shown
+from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown
 from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.several import any_wrong
@@ -146,7 +146,7 @@ def _open(run: RunResult) -> list[str]:
     lines = []
     for judged in run.judged:
         if judged.verdict == "inconclusive":
-            why = judged.message or "neither broken nor within its margin is shown"
+            why = judged.message or OPEN
             value = shown(judged.metric, judged.value)
             lines.append(f"~ {judged.requirement}: {value} after {judged.routes} of {judged.planned} routes, {why}")
     return lines

@@ -46,7 +46,7 @@ def _declared(perturbation: Perturbation) -> Check:
     if not isinstance(perturbation, Perturbation):
         return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")
     if "__dataclass_fields__" not in vars(kind):
-        return Check("class", False, f"{kind.__name__} is no dataclass: write @dataclass above the class.")
+        return Check("class", False, f"{kind.__name__} is not a dataclass: write @dataclass above the class.")
     if not kind.phrase:
         return Check("class", False, f"{kind.__name__} has no phrase: no requirement could name it.")
     return Check("class", True, "it is a dataclass with a phrase.")
@@ -116,7 +116,7 @@ def _observations(clean: list[Observation], seen: list[Observation]) -> Check:
 
 def _controls(applied: list[Control]) -> Check:
     for tick, control in enumerate(applied):
-        problem = control.problem() if isinstance(control, Control) else f"{control!r} is no Control"
+        problem = control.problem() if isinstance(control, Control) else f"{control!r} is not a Control"
         if problem is not None:
             return Check("controls", False, f"tick {tick}: {problem}.")
     return Check("controls", True, "every control is within its ranges.")

@@ -218,7 +218,7 @@ def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) ->
         return Unjudged(known, Setting.of(setting))
     if not isinstance(setting, Setting):
         raise RequirementError(
-            f"{setting!r} is no setting. Expected a perturbation such as InferenceLatency(ms=200), a stack of them "
+            f"{setting!r} is not a setting. Expected a perturbation such as InferenceLatency(ms=200), a stack of them "
             "('+'), or a sentence parsed by Setting.parse."
         )
     return Unjudged(known, setting)

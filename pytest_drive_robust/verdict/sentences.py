@@ -107,7 +107,7 @@ def _parse(sentence: str, known: Known) -> Requirement:
     comparison = _COMPARISON.search(sentence)
     if comparison is None:
         wrong = _NO_COMPARISON.search(sentence)
-        given = f"{wrong.group()!r} is no comparison here" if wrong else "there is no comparison"
+        given = f"{wrong.group()!r} cannot be used here" if wrong else "there is no comparison"
         raise RequirementError(f"{given}. Expected '<=' or '>=' before the limit: '{_FORM}'.")
     metric, under, setting = _left_side(sentence[: comparison.start()].strip())
     if not under:

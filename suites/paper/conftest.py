@@ -1,8 +1,8 @@
 """Which reading of the paper's failures runs, the default one unless the other is chosen, and whose limits it asks for.
 
-Both together take nearly twice the time, and the first command is to give its table in a minute. So the tests of a
-reading run when `--drive-reading` (or `drive_reading`) asks for it, which is `paper` where nobody asks, or when `-k` or
-the name of a test on the command line names one: `-k released`, `-k reading` for both.
+Both together take nearly twice the time, and the first command should stay short. So the tests of a reading run when
+`--drive-reading` (or `drive_reading`) asks for it, which is `paper` where nobody asks, or when `-k` or the name of a
+test on the command line names one: `-k released`, `-k reading` for both.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     words = " ".join([config.getoption("keyword"), *(place.partition("::")[2] for place in config.args)])
     if "reading" in words or "released" in words:
         return
-    chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
+    chosen = _chosen(config)
     left_out = [item for item in items if _HERE in item.path.parents and f"test_{chosen}_reading" not in item.nodeid]
     items[:] = [item for item in items if item not in left_out]
     config.stash[_LEFT_OUT] = len(left_out)
@@ -34,9 +34,12 @@ def pytest_report_collectionfinish(config: pytest.Config, items: list[pytest.Ite
     told = [f"suites/paper: the limits are those of {' and '.join(files)}"] if files else []
     count = config.stash.get(_LEFT_OUT, 0)
     if count:
-        chosen = config.getoption("drive_reading") or config.getini("drive_reading") or "paper"
-        other = "released" if chosen == "paper" else "paper"
+        other = "released" if _chosen(config) == "paper" else "paper"
         told.append(
             f"suites/paper: {count} requirements in the reading {other} are left out; --drive-reading {other} runs them"
         )
     return told
+
+
+def _chosen(config: pytest.Config) -> str:
+    return config.getoption("drive_reading") or config.getini("drive_reading") or "paper"

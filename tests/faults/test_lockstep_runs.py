@@ -158,7 +158,7 @@ def test_a_width_that_is_no_multiple_of_four_is_a_usage_error(suite, given):
 def test_lockstep_and_ray_exclude_each_other(suite):
     result = drive(suite, "Row", "none", "--drive-lockstep", "8", "--drive-executor", "ray")
     assert result.ret == pytest.ExitCode.USAGE_ERROR
-    result.stderr.fnmatch_lines(["*--drive-lockstep and --drive-executor ray exclude each other*"])
+    result.stderr.fnmatch_lines(["*--drive-lockstep and --drive-executor ray cannot be combined*"])
 
 
 def test_a_driver_that_is_closed_gives_back_what_hangs() -> None:

@@ -118,7 +118,7 @@ def test_a_plugin_object_is_refused_with_advice() -> None:
     class Plugin:
         def pytest_drive_robust_register(self, registry: object) -> None: ...
 
-    with pytest.raises(UsageError, match=r"is no module in a file.*conftest\.py, or give --drive-executor inline"):
+    with pytest.raises(UsageError, match=r"is not a module in a file.*conftest\.py, or give --drive-executor inline"):
         plugin_source(Plugin())
     assert plugin_source(sys.modules[__name__]) == (__name__, str(Path(__file__).absolute()))
 

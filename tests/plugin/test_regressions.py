@@ -146,7 +146,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-compare", "test_suite.py"), "If it was meant as a path to collect, put it before --drive-compare"),
         (("--drive-compare",), "no stored run. Store one with --drive-save"),
         (("--drive-save", "test_suite.py"), "If it was meant as a path to collect, put it before --drive-save"),
-        (("--drive-save=latest",), "stands for something else"),
+        (("--drive-save=latest",), "is a reserved word"),
         (("--drive-fail-on=ds:+5%",), "--drive-fail-on is 'ds:+5%', but DS gets worse"),
         (("--drive-on-mismatch=wrn",), "Did you mean 'warn'?"),
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),

@@ -120,7 +120,7 @@ def drive_route(
     Raises `UsageError` when the evaluator cannot be started like this at all.
     """
     if not route.isdecimal():
-        raise UsageError(f"the route id {route!r} is no number, and the official evaluator takes no other.")
+        raise UsageError(f"the route id {route!r} is not a number, and the official evaluator takes nothing else.")
     finished = _read_finished(run_folder, route) if reuse else None
     if finished is not None:
         return finished
@@ -152,7 +152,7 @@ def _read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
         return None
     record, trouble = _reading(path, route, Attempt(0, "", 0.0))
     if record is None:
-        raise UsageError(f"{str(path)!r} is no finished result: {trouble}. Remove it to drive the route again.")
+        raise UsageError(f"{str(path)!r} is not a finished result: {trouble}. Remove it to drive the route again.")
     return DrivenRoute(route, record, (), _injected(run_folder.injected(route)), record.wall_s)
 
 

@@ -76,7 +76,7 @@ def _read_log(path: Path, record: OfficialRecord) -> _Log:
     """Return the log of a record in a file. Raises `UsageError` for a damaged one."""
     document = read_json(path)
     if not isinstance(document, dict):
-        raise UsageError(f"{shown(path)} is no log of motion: expected an object with one entry for each step.")
+        raise UsageError(f"{shown(path)} is not a log of motion: expected an object with one entry for each step.")
     rows = np.array(
         [_row(given, f"{shown(path)}, step {shown(step)}") for step, given in document.items()], dtype=np.float64
     ).reshape(len(document), _WIDTH)

@@ -125,7 +125,7 @@ def _infractions(given: object, where: str) -> dict[str, tuple[str, ...]]:
     found = {}
     for name, messages in lists.items():
         if not isinstance(messages, list) or not all(isinstance(message, str) for message in messages):
-            raise UsageError(f"{where}: the infractions {shown(name)} are no list of sentences.")
+            raise UsageError(f"{where}: the infractions {shown(name)} are not a list of sentences.")
         found[name] = tuple(messages)
     return found
 

@@ -20,14 +20,14 @@ def read_json(path: Path) -> object:
         raise UsageError(f"there is no file {name}.")
     try:
         if path.stat().st_size > _LARGEST_BYTES:
-            raise UsageError(f"{name} is larger than 1 GiB: it is no file of results.")
+            raise UsageError(f"{name} is larger than 1 GiB: it is not a file of results.")
         return json.loads(path.read_bytes().decode("utf-8"), parse_constant=_refuse)
     except OSError as error:
         raise UsageError(f"{name} cannot be read: {error.strerror}.") from None
     except RecursionError:
-        raise UsageError(f"{name} is no file of results: it is nested too deeply.") from None
+        raise UsageError(f"{name} is not a file of results: it is nested too deeply.") from None
     except ValueError as error:
-        raise UsageError(f"{name} is no JSON: {shown(str(error), quotes=False)}.") from None
+        raise UsageError(f"{name} is not valid JSON: {shown(str(error), quotes=False)}.") from None
 
 
 def is_empty(path: Path) -> bool:
@@ -62,4 +62,4 @@ def shown(text: object, *, quotes: bool = True) -> str:
 
 
 def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is no number in JSON")
+    raise ValueError(f"{constant} is not a number in JSON")

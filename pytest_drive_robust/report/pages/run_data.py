@@ -11,6 +11,7 @@ from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
+from pytest_drive_robust.report.numbers import OPEN
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
@@ -20,8 +21,6 @@ from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.verdict.requirement import span_of
-
-_OPEN = "neither broken nor within its margin is shown"
 
 
 def run_data(
@@ -92,7 +91,7 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
 def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, Any]:
     order = reading_order(records, judged) if judged["verdict"] != "error" else []
     metric = METRICS.get(judged["metric"])
-    reason = judged.get("message", "") or (_OPEN if judged["verdict"] == "inconclusive" else "")
+    reason = judged.get("message", "") or (OPEN if judged["verdict"] == "inconclusive" else "")
     names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
     margin = records.document["settings"].get("margin", 0.0)
     reach = 0.0 if metric is None else margin * span_of(metric)

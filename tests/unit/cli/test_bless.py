@@ -53,7 +53,7 @@ def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 def test_a_run_with_a_broken_simulator_is_not_blessed(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a", crash=True)
     assert main(["bless", "a", "--reason", "why"]) == 4
-    assert "is not whole" in capsys.readouterr().err
+    assert "is incomplete" in capsys.readouterr().err
 
 
 def test_a_baseline_is_not_blessed_again(capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,7 +74,7 @@ def test_runs_are_found_from_a_folder_below(monkeypatch: pytest.MonkeyPatch) -> 
     [
         (["before", "befor"], "Did you mean 'before'"),
         (["before", "x.json"], "no run file named 'x.json'"),
-        (["before", "other.json"], "is no run"),
+        (["before", "other.json"], "is not a run"),
         (["before", "old.json"], "has schema 99"),
         (["before", "torn.json"], "is damaged"),
         (["baseline", "before"], "no baseline was blessed yet"),

@@ -324,7 +324,7 @@ def test_stored_controls_are_driven_again_without_the_agent(
     assert "200 ms latency: as in the stored episode, bit for bit" in capsys.readouterr().out
     for given in (["--agent", "expert"], ["--setting", "clean"], ["--seed", "0"]):
         assert main([*arguments, "--stored-controls", *given]) == 4
-        assert f"--stored-controls and {given[0]} exclude each other" in capsys.readouterr().err
+        assert f"--stored-controls and {given[0]} cannot be combined" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -23,4 +23,4 @@ def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.Capture
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:4]] == ["name", "zebra", "ant", "torn"]
     assert lines[1].split()[-3:] == ["driver", "2", "80"]
-    assert "torn.json' is no JSON" in lines[4]
+    assert "torn.json' is not valid JSON" in lines[4]

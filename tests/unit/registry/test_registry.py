@@ -96,7 +96,7 @@ def test_a_broken_perturbation_is_left_out_of_all_and_told_as_a_problem(install:
 
 def test_an_entry_that_is_no_perturbation_is_a_plugin_error(install: Install) -> None:
     install("odd-noise", "1.0", group="perturbations", entry="odd", source="class Entry: pass")
-    with pytest.raises(PluginError, match=r"odd-noise 1\.0 is no perturbation"):
+    with pytest.raises(PluginError, match=r"odd-noise 1\.0 is not a perturbation"):
         Registry().perturbation("odd")
 
 

@@ -160,7 +160,7 @@ def test_scores_of_another_simulator_live_beside(tmp_path: Path) -> None:
     [
         (snapshot(cell([1.0])), SIGNATURE, {"CI": "true"}, "CI never blesses"),
         (snapshot(cell([1.0])), replace(SIGNATURE, reason=" "), {}, "needs a reason"),
-        (snapshot(cell([1.0], broken=("7, seed 0: no map",))), SIGNATURE, {}, "is not whole"),
+        (snapshot(cell([1.0], broken=("7, seed 0: no map",))), SIGNATURE, {}, "is incomplete"),
         (snapshot(cell([])), SIGNATURE, {}, "holds no score"),
     ],
     ids=["ci", "no-reason", "infra-error", "empty"],

@@ -66,7 +66,7 @@ def test_a_run_that_is_not_whole_gives_none() -> None:
         for key, cell in whole.cells.items()
     }
     with pytest.raises(
-        UsageError, match="the run 'run' is not whole: driver under 200 ms latency on 3, seed 0: no map"
+        UsageError, match="the run 'run' is incomplete: driver under 200 ms latency on 3, seed 0: no map"
     ):
         limits(replace(whole, cells=cells))
 

@@ -139,7 +139,7 @@ def test_a_file_is_read_with_dates_and_comments(tmp_path: Path) -> None:
             "[[waiver]]\nrequirement = 'x'\nowner = 'k'\nreason = 'r'\nexpires = 2026-12-15T10:00:00",
             "expected a date",
         ),
-        ("[[waiver", "are no TOML"),
+        ("[[waiver", "are not valid TOML"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_with_its_place(tmp_path: Path, text: str, told: str) -> None:

@@ -147,7 +147,7 @@ def test_a_folder_of_other_things_is_no_store(tmp_path, capsys, what):
     mine = tmp_path / "aside" / "mine.txt"
     mine.write_text("kept")
     assert main(["store", what, "--store", str(tmp_path)]) == 4
-    assert "is no store: it has no folder 'episodes'" in capsys.readouterr().err
+    assert "is not a store: it has no folder 'episodes'" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["aside"]
     (tmp_path / "episodes").mkdir()
     assert main(["store", what, "--store", str(tmp_path)]) == 0

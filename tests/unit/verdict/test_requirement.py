@@ -136,7 +136,7 @@ def test_rd_under_clean_is_refused_with_what_to_write_instead() -> None:
 
 
 def test_a_setting_that_is_none_is_refused() -> None:
-    with pytest.raises(RequirementError, match="'200 ms latency' is no setting"):
+    with pytest.raises(RequirementError, match="'200 ms latency' is not a setting"):
         requirement("RD", "200 ms latency")  # type: ignore[arg-type]
 
 

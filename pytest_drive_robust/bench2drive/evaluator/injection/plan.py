@@ -52,7 +52,7 @@ def plan_from(environ: Mapping[str, str]) -> InjectionPlan:
     except UsageError as error:
         raise SettingRefusedError(str(error)) from None
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise SettingRefusedError(f"PDR_SETTING is no setting ({error!r}): {text:.200}") from None
+        raise SettingRefusedError(f"PDR_SETTING is not a setting ({error!r}): {text:.200}") from None
     return plan
 
 
