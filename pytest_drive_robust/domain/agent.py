@@ -9,6 +9,7 @@ from typing import Protocol, runtime_checkable
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.errors import UsageError
 
 SIGNALS = ("cameras", "gps", "compass", "imu", "speed")
 """Every signal that an agent can declare in `consumes`."""
@@ -80,14 +81,17 @@ def has_portable_bits(agent: object) -> bool:
 def computing_modules(agent: object) -> tuple[str, ...] | None:
     """Return the modules that decide the bits of an agent or its factory beside its own code, None when it is silent.
 
-    There are none where bits are portable.
+    There are none where bits are portable. Raises `UsageError` when `computed_by` holds anything but names.
     """
     if has_portable_bits(agent):
         return ()
     named = getattr(agent, "computed_by", None)
     if named is None:
         return None
-    return (named,) if isinstance(named, str) else tuple(named)
+    modules = tuple(named) if isinstance(named, (list, tuple)) else (named,)
+    if not all(isinstance(module, str) for module in modules):
+        raise UsageError(f"`computed_by` of an agent is {named!r}, expected names of modules, as in ('onnxruntime',).")
+    return modules
 
 
 def consumed_signals(agent: Agent) -> frozenset[str]:

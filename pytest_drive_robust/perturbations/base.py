@@ -31,7 +31,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
@@ -52,7 +52,8 @@ class Perturbation:
 
     * `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
       for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
-      differ from their defaults: `"200 ms latency (mode=hold)"`.
+      differ from their defaults: `"200 ms latency (mode=hold)"`. It is not inherited: a class without one is called
+      by its own name in words.
     * `variants` are special sentences with the fields that they imply:
       `{"measured latency": {"mode": "measured"}}`.
     * `example` has usual values of the fields without default, for the sentences that messages propose.
@@ -68,6 +69,13 @@ class Perturbation:
     example: ClassVar[Mapping[str, object]] = {}
     ladder: ClassVar[tuple[str, tuple[float, ...] | Literal["ticks"]] | None] = None
     readings: ClassVar[Mapping[str, Mapping[str, object]]] = {}
+
+    def __init_subclass__(cls, **options: object) -> None:
+        """Give a class its own sentence: two failures with one would be driven and stored as the same."""
+        super().__init_subclass__(**options)
+        if "phrase" not in vars(cls):
+            cls.phrase = ""
+            cls.variants = vars(cls).get("variants", {})
 
     def __new__(cls, *args: object, **severities: object) -> Self:
         """Note which severities are said, so that a reading sets the others only."""
@@ -179,11 +187,16 @@ class Setting:
 
     @classmethod
     def of(cls, *perturbations: Perturbation) -> Setting:
-        """Return a stack of these. Raises `PerturbationError` for anything that is no `Perturbation` object."""
+        """Return a stack of these.
+
+        Raises `PerturbationError` for anything that is no `Perturbation` object, and for one whose severities are no
+        dataclass fields.
+        """
         for given in perturbations:
             if not isinstance(given, Perturbation):
                 what = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
                 raise PerturbationError(f"a setting is made of Perturbation objects, but {what} was given")
+            check_severities_are_fields(type(given))
         return cls(tuple(perturbations))
 
     @classmethod
@@ -305,9 +318,11 @@ class RunningStack:
     def observe(self, observation: Observation) -> Observation:
         """Return the observation that the agent gets. The arrays of the argument are not written to."""
         for change in self._observe:
-            observation = change(observation)
+            given, observation = observation, change(observation)
             if not isinstance(observation, Observation):
                 raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
+            if observation.cameras is not given.cameras:
+                _check_images(change.__qualname__, given.cameras, observation.cameras)
         return observation
 
     def wants_inference(self, tick: int) -> bool:
@@ -325,6 +340,36 @@ class RunningStack:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, perturbation by perturbation."""
         return tuple(injection for item in self._perturbations for injection in item.schedule())
+
+
+def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
+    """Raise `PerturbationError` for images that no camera of the agent takes: the agent would be blamed for them."""
+    if changed.keys() != given.keys():
+        raise PerturbationError(f"{change} gave images of {sorted(changed)}, expected those of {sorted(given)}")
+    for name, image in changed.items():
+        before = given[name]
+        if image is before:
+            continue
+        if not isinstance(image, Image):
+            raise PerturbationError(
+                f"{change} gave a {type(image).__name__} for the camera {name!r}, expected an Image"
+            )
+        shape, kind = getattr(image.pixels, "shape", None), getattr(image.pixels, "dtype", None)
+        if shape != before.pixels.shape or kind != before.pixels.dtype:
+            raise PerturbationError(
+                f"{change} gave pixels {shape} {kind} for the camera {name!r}, expected {before.pixels.shape} "
+                f"{before.pixels.dtype}"
+            )
+
+
+def check_severities_are_fields(cls: type[Perturbation]) -> None:
+    """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them."""
+    for base in cls.__mro__:
+        if base is not object and "__init__" in vars(base) and "__dataclass_params__" not in vars(base):
+            raise PerturbationError(
+                f"{base.__name__} has an __init__ of its own, so that its severities are no fields: write @dataclass "
+                f"above the class, each severity as a field ('gain: float = 0.5'), and leave the __init__ out."
+            )
 
 
 def _overrides(perturbation: Perturbation, method: str) -> bool:

@@ -45,6 +45,7 @@ class FrameBlend(Perturbation):
     def reset(self, context: EpisodeContext) -> None:
         """Forget all images."""
         self._means: dict[str, _RunningMean] = {}
+        self._last: dict[str, Image] = {}
         self._spans = Spans(context.stream)
 
     def observe(self, observation: Observation) -> Observation:
@@ -61,10 +62,15 @@ class FrameBlend(Perturbation):
         return f"the mean of {self.frames} frames is the newest one in {cameras_by_name(cameras)}"
 
     def _blended(self, camera: str, image: Image) -> Image:
+        """Return the mean up to this image; the last one again where the camera has taken none since."""
+        last = self._last.get(camera)
+        if last is not None and last.tick == image.tick:
+            return last
         mean = self._means.get(camera)
         if mean is None:
             mean = self._means[camera] = _RunningMean(self.frames, image.pixels, linear=self.weights == "linear")
-        return Image(mean.push(image.pixels), image.tick)
+        blended = self._last[camera] = Image(mean.push(image.pixels), image.tick)
+        return blended
 
 
 class _RunningMean:

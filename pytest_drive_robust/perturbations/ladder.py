@@ -109,6 +109,8 @@ def ladder_of(
     ((20.0, 40.0, 60.0), (0.9, 0.8))
     """
     cls = perturbation if isinstance(perturbation, type) else type(perturbation)
+    if not issubclass(cls, Perturbation):
+        raise PerturbationError(f"{perturbation!r} has no severity to step through: expected one Perturbation.")
     field, usual = _declared(cls, dt_s)
     steps = tuple(float(level) for level in (usual if levels is None else levels))
     if not _one_way(steps):
@@ -116,7 +118,8 @@ def ladder_of(
             f"the levels of {cls.__name__} are {steps}, expected at least one, from mild to severe."
         )
     changed: dict[str, Any] = {field: steps[0]}
-    template = cls(**changed) if isinstance(perturbation, type) else perturbation.with_severities(**changed)
+    usual_others = {**cls.example, **changed}
+    template = cls(**usual_others) if isinstance(perturbation, type) else perturbation.with_severities(**changed)
     tick_ms = 1000.0 * dt_s if cls.ladder is not None and cls.ladder[1] == "ticks" else None
     template = template if reading is None else template.read_as(reading)
     ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms, reading)
@@ -128,6 +131,10 @@ def ladder_of(
 def _declared(cls: type[Perturbation], dt_s: float) -> tuple[str, tuple[float, ...]]:
     if cls.ladder is not None:
         field, steps = cls.ladder
+        known = [item.name for item in fields(cls)]
+        if field not in known:
+            expected = ", ".join(known) or "a field, of which it has none"
+            raise PerturbationError(f"the ladder of {cls.__name__} names {field!r}, expected {expected}.")
         return field, _ticks(dt_s) if steps == "ticks" else tuple(steps)
     first = next((field.name for field in fields(cls)), "severity")
     raise PerturbationError(

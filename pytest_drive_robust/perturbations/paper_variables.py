@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Generic, TypeVar
 
@@ -121,7 +122,7 @@ class _Variables(Generic[_P]):
     def whole(self, name: str, default: int, *, low: int = 0) -> int:
         """Read a whole number of at least `low`."""
         text = self.text(name) or str(default)
-        if not text.lstrip("+-").isdecimal() or int(text) < low:
+        if not re.fullmatch(r"[+-]?[0-9]+", text) or int(text) < low:
             raise self._refused(name, f"a whole number of at least {low}")
         return int(text)
 
@@ -175,7 +176,8 @@ def _observed(variables: _Variables[_P], rate_hz: float) -> Iterator[_P]:
     made = variables.made
     camera_ms, ego_ms = (1000.0 * variables.whole(name, 0) / rate_hz for name in _DELAYS)
     if camera_ms or ego_ms:
-        yield made("sensor-delay", _DELAYS, camera_ms=camera_ms, ego_ms=ego_ms)
+        ego = None if ego_ms == camera_ms else ego_ms
+        yield made("sensor-delay", _DELAYS, camera_ms=camera_ms, ego_ms=ego)
     if variables.switch("BLEND_ENABLE"):
         frames = variables.whole("BLEND_NUM", 3, low=1)
         weights = variables.choice("BLEND_MODE", "uniform", ("uniform", "linear"))

@@ -41,8 +41,9 @@ class SensorDelay(Perturbation):
     def __post_init__(self) -> None:
         self.camera_ms = checked_number(self, "camera_ms", expected="milliseconds of at least 0")
         if self.ego_ms is not None:
-            ego_ms = checked_number(self, "ego_ms", expected="milliseconds of at least 0, or None (as the cameras)")
-            self.ego_ms = None if ego_ms == self.camera_ms else ego_ms
+            self.ego_ms = checked_number(
+                self, "ego_ms", expected="milliseconds of at least 0, or None (as the cameras)"
+            )
 
     def reset(self, context: EpisodeContext) -> None:
         """Forget all captures. Raises `PerturbationError` for a delay between 0 and one tick."""

@@ -88,8 +88,33 @@ class Template(Generic[_S]):
         for literal, name, _, _ in string.Formatter().parse(self.text):
             parts.append(_literal(literal, after_number=bool(parts)))
             if name is not None:
-                parts.append(f"(?P<{name}>{_NUMBER if isinstance(usual.get(name), (int, float)) else _VALUE})")
+                value = usual.get(name)
+                is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+                parts.append(f"(?P<{name}>{_NUMBER if is_number else _VALUE})")
         return re.compile(rf"\s*{''.join(parts)}\s*(?:\((?P<_brackets>{_BRACKETS})\))?\s*", re.IGNORECASE)
+
+
+def check_sentences(cls: type[Spoken], others: Iterable[type[Spoken]]) -> None:
+    """Raise `PerturbationError` for sentence forms that cannot be read back, or that another class has as well."""
+    for form in templates_of(cls):
+        try:
+            shown = [part[1:] for part in string.Formatter().parse(form.text) if part[1] is not None]
+        except ValueError as error:
+            raise PerturbationError(f"the phrase {form.text!r} of {cls.__name__} is malformed: {error}.") from None
+        for name, spec, conversion in shown:
+            if spec or conversion or name not in _names(cls) or form.shown.count(name) > 1:
+                raise PerturbationError(
+                    f"the phrase {form.text!r} of {cls.__name__} shows {name!r}. Expected plain names of its fields in "
+                    f"braces, each once: {', '.join(_names(cls)) or 'it has none'}."
+                )
+    for other in others:
+        for said, heard in ((cls, other), (other, cls)) if other is not cls else ():
+            for sentence in filter(None, (_example(form, []) for form in templates_of(said))):
+                if _match(sentence, [heard]) is not None:
+                    raise PerturbationError(
+                        f"{sentence!r} is a sentence of {cls.__name__} and of {other.__name__}. Give {cls.__name__} a "
+                        "phrase that no other failure has."
+                    )
 
 
 def templates_of(cls: type[_S]) -> list[Template[_S]]:
@@ -221,14 +246,19 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
     if brackets is None:
         return
     open_fields = [name for name in dict.fromkeys((*_names(cls), _READING)) if name not in taken]
+    said: set[str] = set()
     for pair in split_outside_quotes(brackets, ","):
         name, equals, value = (part.strip() for part in pair.partition("="))
         if name in open_fields and value:
+            open_fields.remove(name)
+            said.add(name)
             yield name, value
             continue
         message = f"{text.strip()!r} does not parse: "
         if not equals or not value:
-            message += f"{pair.strip()!r} in the brackets is no name=value."
+            message += f"{pair.strip()!r} in the brackets is not name=value."
+        elif name in said:
+            message += f"{name!r} is said twice."
         elif name in taken:
             message += f"{name!r} is already said in the sentence itself."
         else:
@@ -241,7 +271,7 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
 def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
     try:
         return cls(**values)
-    except TypeError as error:
+    except (TypeError, ValueError) as error:
         raise PerturbationError(f"{cls.__name__} cannot be built from a sentence: {error}") from error
 
 
@@ -268,7 +298,10 @@ def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
     forms = [template for cls in classes for template in templates_of(cls)]
     near = nearest(" ".join(text.split()), filter(None, (_example(form, numbers) for form in forms)))
     message = f"there is no perturbation {text.strip()!r}."
-    if near is not None:
+    parts = re.split(r"\s*[+,&]\s*", text.strip())
+    if len(parts) > 1 and all(_match(part, classes) for part in parts):
+        message += f" Join failures with 'and': {' and '.join(parts)!r}."
+    elif near is not None:
         message += f" Did you mean {near!r}?"
     examples = list(filter(None, (_example(form, []) for form in forms)))
     return RequirementError(f"{message} Known sentences: {', '.join(map(repr, [CLEAN, *examples]))}.")
@@ -279,7 +312,7 @@ def _example(form: Template[_S], numbers: list[float]) -> str | None:
     usual = {**form.cls.example, **form.fixed}
     given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers)}  # noqa: B905
     for values in ({**usual, **given}, usual):
-        with contextlib.suppress(UsageError):  # an impossible severity is no example
+        with contextlib.suppress(UsageError, ValueError):  # an impossible severity is no example
             return form.fill(_built(form.cls, values).parameters())
     return None
 

@@ -71,7 +71,8 @@ def _value(agent: str, name: str, text: str, default: object) -> object:
     try:
         return kind(text)
     except (KeyError, ValueError):
-        expected = "true or false" if isinstance(default, bool) else f"a number, as in {name}={default}"
+        number = "a whole number" if isinstance(default, int) else "a number"
+        expected = "true or false" if isinstance(default, bool) else f"{number}, as in {name}={default}"
         raise UsageError(f"the option {name!r} of the agent {agent!r} is {text!r}, expected {expected}.") from None
 
 

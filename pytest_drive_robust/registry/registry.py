@@ -19,10 +19,17 @@ from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
-from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, nearest
+from pytest_drive_robust.errors import (
+    DriveRobustError,
+    PerturbationError,
+    PluginError,
+    UnknownNameError,
+    UsageError,
+    nearest,
+)
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
-from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.base import Perturbation, check_severities_are_fields
+from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
 from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
@@ -60,6 +67,7 @@ class Registry:
     def __init__(self) -> None:
         self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
         self._problems: dict[tuple[str, str], DriveRobustError] = {}
+        self._perturbations: dict[str, type[Perturbation]] = {}  # those that were checked
         self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points by kind: finding them reads disk
 
     def register_agent(self, name: str, factory: AgentFactory | AgentFactories, *, argument: str = "") -> None:
@@ -71,16 +79,28 @@ class Registry:
         self._register("agents", name, factory, argument=argument)
 
     def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
-        """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default."""
-        _check_perturbation(cls, definition_of(cls))
-        self._register("perturbations", name or kebab_name(cls), cls)
+        """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default.
+
+        Raises `PluginError` for what is no dataclass below `Perturbation`, and for a phrase that cannot be read back or
+        that another failure has; `UsageError` when the name is taken by another hook, or built in.
+        """
+        from pytest_drive_robust.perturbations import BUILTIN
+
+        name = name or kebab_name(cls)
+        if name in BUILTIN and cls is not BUILTIN[name]:
+            raise UsageError(f"{name!r} is a built-in perturbation and keeps its meaning: give yours another name.")
+        _check_perturbation(cls, definition_of(cls), name)
+        self._register("perturbations", name, cls)
 
     def register_simulator(self, name: str, factory: SimulatorFactory, *, argument: str = "") -> None:
         """Make `--drive-sim name` call `factory(options)`.
 
         `argument` is for a world that comes in several kinds: with `argument="ID"` it is listed as `name:ID`, and
-        `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty.
+        `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty. Raises `UsageError`
+        when the name is taken by another hook, or built in.
         """
+        if any(name == ours for ours, _, _ in _BUILTINS["simulators"]):
+            raise UsageError(f"{name!r} is a built-in simulator and keeps its meaning: give yours another name.")
         self._register("simulators", name, factory, argument=argument)
 
     def register_metric(self, name: str, function: MetricFunction) -> None:
@@ -114,17 +134,24 @@ class Registry:
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
         entry = self.entry("perturbations", name)
-        return _check_perturbation(entry.load(), entry.origin)
+        return _check_perturbation(entry.load(), entry.origin, name)
 
     def perturbations(self) -> dict[str, type[Perturbation]]:
         """Return every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
         classes: dict[str, type[Perturbation]] = {}
         for name, _ in self.names("perturbations"):
             try:
-                classes[name] = self.perturbation(name)
+                classes[name] = self._checked_perturbation(name)
             except DriveRobustError as error:  # noqa: PERF203 - one that is broken stops no other
                 self._problems["perturbations", name] = error
         return classes
+
+    def _checked_perturbation(self, name: str) -> type[Perturbation]:
+        """Return what `perturbation` does; what was right once is not checked again."""
+        loaded = self.entry("perturbations", name).load()
+        if self._perturbations.get(name) is not loaded:
+            self._perturbations[name] = self.perturbation(name)
+        return self._perturbations[name]
 
     def metric(self, name: str) -> MetricFunction:
         """Return the function of that name. Raises `UnknownNameError` or `PluginError`."""
@@ -173,7 +200,10 @@ class Registry:
 
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
-        self.entry(kind, name).load()
+        entry = self.entry(kind, name)
+        factory = entry.load()
+        if not callable(factory):
+            raise PluginError(_not_callable(entry, factory))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return what did not load when `perturbations` loaded them all, for the report."""
@@ -237,11 +267,19 @@ def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
     return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
 
 
+def _called(entry: Entry) -> str:
+    return f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
+
+
+def _not_callable(entry: Entry, factory: object) -> str:
+    return f"{_called(entry)} is {factory!r}, expected a class or a function that makes one."
+
+
 def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
     """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
-    what = f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
+    what = _called(entry)
     if not callable(factory):
-        raise PluginError(f"{what} is {factory!r}, expected a class or a function that makes one.")
+        raise PluginError(_not_callable(entry, factory))
     try:
         made: object = factory(*arguments)
     except DriveRobustError:
@@ -264,7 +302,16 @@ def _members(protocol: type) -> list[str]:
     return sorted(name for name in names if not name.startswith("_"))
 
 
-def _check_perturbation(cls: object, origin: str) -> type[Perturbation]:
+def _check_perturbation(cls: object, origin: str, name: str) -> type[Perturbation]:
     if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
         raise PluginError(f"{cls!r} from {origin} is not a perturbation: expected a subclass of Perturbation.")
+    from pytest_drive_robust.perturbations import BUILTIN
+
+    if cls in BUILTIN.values():
+        return cls
+    try:
+        check_severities_are_fields(cls)
+        check_sentences(cls, BUILTIN.values())
+    except PerturbationError as error:
+        raise PluginError(f"the perturbation {name!r} from {origin} cannot be used: {error}") from None
     return cls

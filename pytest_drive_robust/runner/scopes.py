@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
 
@@ -104,8 +105,9 @@ class Scopes:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
         if agent not in self._identities:
             self._registry.require("agents", agent)
-            check = getattr(self._registry.entry("agents", agent).load(), "check", None)
-            if callable(check):
+            factory = self._registry.entry("agents", agent).load()
+            check = getattr(factory, "check", None)
+            if callable(check) and not _is_for_its_objects(factory, "check"):
                 check()
             together = self._lockstep and factory_offers_lockstep(agent, self._registry)
             self._identities[agent] = identity_of(
@@ -143,3 +145,8 @@ class Scopes:
         """Return a world that is asked and never driven."""
         self._registry.require("simulators", self._settings.simulator)
         return self._registry.simulator(self._settings.simulator, simulator_options(self._settings))
+
+
+def _is_for_its_objects(cls: object, name: str) -> bool:
+    """Return whether a class has a method of that name which only an object of it can answer."""
+    return isinstance(cls, type) and inspect.isfunction(inspect.getattr_static(cls, name))

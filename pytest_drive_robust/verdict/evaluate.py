@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -188,7 +189,7 @@ def measure(
             f"the {len(perturbed)} episodes under {perturbed[0].episode.setting!r} hold no data for {metric} "
             f"({metric.meaning}), so there is nothing to judge."
         )
-    if not math.isfinite(value):
+    if not isinstance(value, numbers.Real) or not math.isfinite(value):
         raise ComparisonError(f"the metric {metric} gave {value!r}, expected a finite number, or None for no data.")
     return float(value), _interval(metric, float(value), clean, perturbed, mode)
 

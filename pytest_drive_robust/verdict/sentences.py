@@ -45,6 +45,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
     expected and the nearest valid sentence; lines that say the same twice; a text without any requirement.
     """
+    says_all = known is None
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
@@ -54,7 +55,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
         if not sentence:
             continue
         try:
-            parsed = parse_requirement(sentence, known=known)
+            parsed = _parsed(sentence, known)
         except UsageError as error:
             problems.append(f"line {number}: {sentence}\n{indent(str(error), '    ')}")
             continue
@@ -64,7 +65,8 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
             problems.append(f"line {number}: {sentence}\n    says the same as line {first}. Remove one of them.")
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
-        raise RequirementError("\n  ".join([f"{count} in {path.name if path else 'the requirements'}:", *problems]))
+        where = path.name if path else "the requirements"
+        raise RequirementError("\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if says_all else ""))
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]
@@ -82,7 +84,21 @@ def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
 
     Raises `RequirementError` with what was expected and the nearest valid sentence.
     """
-    known = default_registry().perturbations() if known is None else known
+    if known is not None:
+        return _parsed(line, known)
+    try:
+        return _parsed(line, default_registry().perturbations())
+    except RequirementError as error:
+        raise RequirementError(f"{error}{_left_out()}") from None
+
+
+def _left_out() -> str:
+    """Return which registered failures no sentence can use; empty when all of them load."""
+    problems = default_registry().problems()
+    return "".join(f"\nLeft out, because it does not load: {problem}" for problem in problems)
+
+
+def _parsed(line: str, known: Known) -> Requirement:
     sentence = " ".join(line.split())
     try:
         return _parse(sentence, known)

@@ -23,7 +23,6 @@ import hashlib
 import importlib
 import os
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from pytest_drive_robust import simulators
@@ -128,12 +127,19 @@ def route_digest(route: Route) -> str:
     return source_files.hex_of(repr(route).encode())
 
 
-def weights_digest(files: str | os.PathLike[str] | Sequence[str | os.PathLike[str]], *, agent: str) -> str:
+def weights_digest(files: object, *, agent: str) -> str:
     """Return 12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
 
-    Raises `UsageError` when a file cannot be read.
+    `files` is what a factory calls `weights`: a path, several, or None. Raises `UsageError` when it is anything else,
+    and when a file cannot be read.
     """
-    paths = [Path(files)] if isinstance(files, (str, os.PathLike)) else [Path(file) for file in files]
+    named = [files] if isinstance(files, (str, os.PathLike)) else files if isinstance(files, (list, tuple)) else None
+    if files is not None and (named is None or not all(isinstance(file, (str, os.PathLike)) for file in named)):
+        raise UsageError(
+            f"`weights` of the agent {agent!r} is {files!r}, expected the paths of its weight files, known before it "
+            "is made. Name what else it is otherwise."
+        )
+    paths = [Path(file) for file in named or ()]
     digest = hashlib.blake2b(digest_size=6)
     try:
         for path in paths:

@@ -28,10 +28,11 @@ _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".tom
 """What belongs to the code of a package; weights are named by the agent."""
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
-_LINE = rb"(?:\\\r?\n|[^#\r\n])*"
-"""To the end of a line that may go on after a backslash."""
+_LINE = rb"(?:\\\r?\n|[^#;\r\n])*"
+"""To the end of a statement, whose line may go on after a backslash."""
 _IMPORT = re.compile(
-    rb"^[ \t]*(?:from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
+    rb"(?:^(?:\xef\xbb\xbf)?|[;:])[ \t\f]*(?:"
+    rb"from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
     rb"|import[ \t]+(?P<list>" + _LINE + rb"))",
     re.MULTILINE,
 )

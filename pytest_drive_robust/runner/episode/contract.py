@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import traceback
 from bdb import BdbQuit
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType
 
-from pytest_drive_robust.domain.agent import Agent, PlannedPath, consumed_signals
+from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.errors import AgentError, nearest
 
 BLAMED: tuple[type[BaseException], ...] = (Exception, SystemExit)
 """What is the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a timeout is pytest's: both
@@ -57,8 +57,19 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
 
 def agent_consumes(agent: Agent) -> tuple[str, ...]:
     """Return the signals that the agent declares to use, sorted. Raises `AgentError`."""
+    given = getattr(agent, "consumes", SIGNALS)
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise AgentError(f"consumes is {_shown(given)}, expected a set of names out of {', '.join(sorted(SIGNALS))}")
     with _blamed("consumes"):
-        return tuple(sorted(consumed_signals(agent)))
+        named = list(given)
+    for name in named:
+        if name not in SIGNALS:
+            close = nearest(str(name), SIGNALS)
+            hint = f" Did you mean {close!r}?" if close else ""
+            raise AgentError(
+                f"consumes has {_shown(name)}, which is no signal.{hint} There are {', '.join(sorted(SIGNALS))}"
+            )
+    return tuple(sorted(named))
 
 
 def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:

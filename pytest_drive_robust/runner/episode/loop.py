@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from array import array
 from collections.abc import Callable, Mapping
@@ -14,10 +15,10 @@ from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
-from pytest_drive_robust.domain.outcome import End, Outcome
+from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, SimulationError
 from pytest_drive_robust.perturbations.base import RunningStack, Setting
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
@@ -123,6 +124,7 @@ class RunningEpisode:
         self._watch = watch or Watch()
         self._view = () if view is None else (view,)
         self._seen: Observation | None = None
+        self._lane_map: LaneMap | None = None  # the agent's own
         self._rows = array("d")  # of a `Trace`, one after the other
         self._done = False
 
@@ -192,8 +194,15 @@ class RunningEpisode:
             self.advance(None, 0.0)
             return None
         self.witness.seen(captured, observation)
-        given, truth = observation.private(), self.simulator.truth().private() if self.privileged else None
+        given, truth = observation.private(), self._truth() if self.privileged else None
         return given if given.truth is truth else replace(given, truth=truth)
+
+    def _truth(self) -> GroundTruth:
+        """Return what a privileged agent may see, in memory of its own: worlds share the map of a town."""
+        truth = self.simulator.truth().private()
+        if self._lane_map is None:
+            self._lane_map = copy.deepcopy(truth.lane_map)
+        return replace(truth, lane_map=self._lane_map)
 
     def ask(self, given: Observation) -> tuple[Control, float]:
         """Return the agent's answer to what `sense` gave it, and the seconds that it took."""
@@ -219,6 +228,8 @@ class RunningEpisode:
             self.surroundings.see_plan(tick, self.agent)
             self._enter("sim")
         applied = stack.actuate(tick, control, inference_s)
+        if not isinstance(applied, Control):
+            raise SimulationError(f"the perturbations gave the vehicle {applied!r}, expected a Control or None")
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
         if tick < self.warmup_ticks:
@@ -242,9 +253,10 @@ class RunningEpisode:
         try:
             self._enter("sim")
             if self.state is not None and not isinstance(self.crash, SimulationError):
-                score = self.simulator.score()
-            schedule = self.stack.schedule() if self.stack is not None else ()
-            versions = dict(self.simulator.versions())
+                score = _checked_score(self.simulator.score())
+            if self.stack is not None:
+                schedule = _checked_schedule(self.stack.schedule())
+            versions = {str(name): str(version) for name, version in self.simulator.versions().items()}
         except Exception as error:
             self.crash, score = SimulationError(blame("the end of the simulation", error)), None
         end, detail = self._end(score)
@@ -286,3 +298,23 @@ class RunningEpisode:
         if self.crash is not None or score is None:
             return End.SIMULATION_CRASHED, str(self.crash)
         return score.end, score.end_detail
+
+
+def _checked_score(score: object) -> EpisodeScore:
+    """Return the score of the world. Raises `SimulationError` for what cannot be stored."""
+    if not isinstance(score, EpisodeScore):
+        raise SimulationError(f"score() gave {score!r}, expected an EpisodeScore")
+    if not isinstance(score.end, End):
+        raise SimulationError(f"score() gave the end {score.end!r}, expected an End")
+    for item in score.infractions:
+        if not isinstance(item, Infraction):
+            raise SimulationError(f"score() gave the infraction {item!r}, expected Infraction objects")
+    return score
+
+
+def _checked_schedule(schedule: tuple[Injection, ...]) -> tuple[Injection, ...]:
+    """Return what was injected. Raises `SimulationError` for what cannot be stored."""
+    for item in schedule:
+        if not isinstance(item, Injection):
+            raise SimulationError(f"schedule() of a perturbation gave {item!r}, expected Injection objects")
+    return schedule

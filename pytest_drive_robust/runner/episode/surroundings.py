@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,8 @@ class Surroundings:
         self._strange = False
         self._egos: list[tuple[int, float, float]] = []
         self._lights: list[Any] = []
-        self._plans: list[tuple[int, PlannedPath]] = []
+        self._plans: list[tuple[int, int, int, int]] = []  # the rows of `Tracks.plans`
+        self._points: list[tuple[float, float]] = []
         self.next_plan = 0
 
     def see(self, state: WorldState) -> None:
@@ -65,9 +67,20 @@ class Surroundings:
         """Keep the agent's plan, where it has one. One that raises is not asked again in this episode."""
         self.next_plan = tick + _PLAN_EVERY_TICKS
         try:
-            self._plans.append((tick, agent_plan(agent)))
+            plan = agent_plan(agent)
         except AgentError:  # no `plan` at all is the usual case
             self.next_plan = 1 << 60
+            return
+        with suppress(Exception):  # whatever an agent calls a plan
+            self._note_plan(tick, plan)
+
+    def _note_plan(self, tick: int, plan: PlannedPath) -> None:
+        """Copy the points, because the agent may reuse their memory; leave out a plan with a point that is none."""
+        parts = [_thinned(part) for part in (plan.path, plan.target_points, plan.speed_points)]
+        found = [(float(forward), float(right)) for part in parts for forward, right in part]
+        if all(math.hypot(*point) <= _FARTHEST_M for point in found):  # not finite is not near either
+            self._plans.append((tick, len(parts[0]), len(parts[1]), len(parts[2])))
+            self._points += found
 
     def tracks(self) -> Tracks | None:
         """Return what was seen; None when nothing was, or when the world's tables are no such tables."""
@@ -76,7 +89,8 @@ class Surroundings:
         try:
             actors, motion = _tracks_of(self._rows[: self._used], self._egos)
             lights = np.array(self._lights, np.int32).reshape(len(self._egos), -1)
-            plans, points = _plans_of(self._plans)
+            plans = np.array(self._plans, np.int32).reshape(-1, 4)
+            points = np.round(np.array(self._points, np.float64).reshape(-1, 2) * _POINTS_PER_M).astype(np.int32)
             return Tracks(EVERY_TICKS, actors, motion, lights, plans, points)
         except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError):
             return None
@@ -122,20 +136,6 @@ def _unwrapped(yaw: NDArray[np.float64], starts: NDArray[np.int64], lengths: NDA
     turned -= 2.0 * np.pi * np.rint(turned / (2.0 * np.pi))
     summed = turned.cumsum()
     return np.rint((summed + np.repeat(yaw[starts] - summed[starts], lengths)) * _PER_RAD)
-
-
-def _plans_of(plans: list[tuple[int, PlannedPath]]) -> tuple[Ints, Ints]:
-    """Return `Tracks.plans` and `Tracks.points`; a plan with a point that is none is left out."""
-    heads: list[tuple[int, int, int, int]] = []
-    points: list[tuple[float, float]] = []
-    for tick, plan in plans:
-        parts = [_thinned(part) for part in (plan.path, plan.target_points, plan.speed_points)]
-        found = [(float(forward), float(right)) for part in parts for forward, right in part]
-        if all(math.hypot(*point) <= _FARTHEST_M for point in found):  # not finite is not near either
-            heads.append((tick, len(parts[0]), len(parts[1]), len(parts[2])))
-            points += found
-    scaled = np.round(np.array(points, np.float64).reshape(-1, 2) * _POINTS_PER_M)
-    return np.array(heads, np.int32).reshape(-1, 4), scaled.astype(np.int32)
 
 
 def _thinned(points: Any) -> list[Any]:

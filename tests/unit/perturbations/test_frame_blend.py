@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from stream_factory import observation_at, started
 
+from pytest_drive_robust.domain.observation import Image
 from pytest_drive_robust.perturbations import FrameBlend
 
 
@@ -57,3 +58,14 @@ def test_delivered_images_do_not_change_later() -> None:
     for tick in range(101, 110):
         stack.observe(observation_at(tick))
     assert np.array_equal(first, before)
+
+
+def test_a_slow_camera_and_a_frozen_one_are_blended_by_their_images() -> None:
+    stack = started(FrameBlend(2))
+    images = [np.full((2, 2, 3), value, dtype=np.uint8) for value in (0, 100, 200)]
+    shown = []
+    for tick in range(6):
+        slow = Image(images[tick // 2], 2 * (tick // 2))  # every other tick
+        observation = observation_at(tick).map_images(lambda name, image, slow=slow: slow)
+        shown.append(int(stack.observe(observation).cameras["front"].pixels[0, 0, 0]))
+    assert shown == [0, 0, 50, 50, 150, 150]

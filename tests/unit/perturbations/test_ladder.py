@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import pytest
 
@@ -81,3 +81,30 @@ def test_levels_that_the_failure_cannot_have_are_refused_before_anything_is_driv
 def test_failures_are_called_by_the_words_of_their_phrases() -> None:
     words = {failure_word(cls) for cls in BUILTIN.values()}
     assert {"latency", "GPS noise", "burst frame drop", "occlusion", "speed noise", "frame blend"} < words
+
+
+@pytest.mark.parametrize("given", [GpsNoise(std_m=5) + InferenceLatency(ms=100), "GPS noise"])
+def test_what_is_not_one_failure_has_no_ladder(given: Any) -> None:
+    with pytest.raises(PerturbationError, match="expected one Perturbation"):
+        ladder_of(given, dt_s=0.05)
+
+
+def test_a_ladder_of_a_field_that_is_not_there_is_refused() -> None:
+    @dataclass
+    class Dim(Perturbation):
+        gain: float = 0.5
+        ladder = ("gian", (0.9, 0.5))
+
+    with pytest.raises(PerturbationError, match="the ladder of Dim names 'gian', expected gain"):
+        ladder_of(Dim, dt_s=0.05)
+
+
+def test_fields_without_default_are_taken_from_the_example() -> None:
+    @dataclass
+    class Dust(Perturbation):
+        kind: str
+        gain: float = 0.5
+        example: ClassVar = {"kind": "fine"}
+        ladder = ("gain", (0.9, 0.5))
+
+    assert ladder_of(Dust, dt_s=0.05).at(0.5) == Dust("fine", 0.5)

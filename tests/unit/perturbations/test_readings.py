@@ -128,7 +128,7 @@ def test_a_mask_ratio_of_the_area_contradicts_the_released_code_and_not_the_pape
     [
         ("200 ms latency (reading=relesed)", r"Did you mean 'released'"),
         ("200 ms latency (reding=released)", r"Did you mean 'reading'"),
-        ("200 ms latency (reading=)", "no name=value"),
+        ("200 ms latency (reading=)", "not name=value"),
     ],
 )
 def test_a_reading_that_does_not_parse_is_refused(text: str, message: str) -> None:

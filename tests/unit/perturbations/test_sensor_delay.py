@@ -8,6 +8,7 @@ from stream_factory import flat_pixels, observation_at, observed, started
 
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations import SensorDelay
+from pytest_drive_robust.perturbations.ladder import ladder_of
 
 
 @given(st.integers(0, 12), st.integers(0, 12))
@@ -50,8 +51,10 @@ def test_no_delay_is_the_identity() -> None:
     assert started(SensorDelay(camera_ms=0)).observe(clean) is clean
 
 
-def test_an_equal_delay_of_both_groups_is_said_once() -> None:
-    assert str(SensorDelay(camera_ms=100, ego_ms=100)) == "100 ms sensor delay"
+def test_a_delay_of_the_other_signals_stays_what_it_is_where_that_of_the_cameras_is_searched() -> None:
+    assert str(SensorDelay(camera_ms=100, ego_ms=100)) == "100 ms sensor delay (ego_ms=100)"
+    ladder = ladder_of(SensorDelay(camera_ms=0, ego_ms=0), dt_s=0.05)
+    assert ladder.at(300) == SensorDelay(camera_ms=300, ego_ms=0)
     assert str(SensorDelay(camera_ms=0, ego_ms=50)) == "0 ms sensor delay (ego_ms=50)"
 
 

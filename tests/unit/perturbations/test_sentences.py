@@ -161,9 +161,9 @@ def test_fragments_do_not_parse(text: str) -> None:
         ("200 ms latency (mod=hold)", "InferenceLatency has no field 'mod'. Did you mean 'mode'?"),
         ("200 ms latency (ms=100)", "'ms' is already said in the sentence itself"),
         ("measured latency (mode=hold)", "'mode' is already said"),
-        ("200 ms latency (hold)", "'hold' in the brackets is no name=value"),
-        ("200 ms latency ()", "in the brackets is no name=value"),
-        ("200 ms latency (mode=)", "'mode=' in the brackets is no name=value"),
+        ("200 ms latency (hold)", "'hold' in the brackets is not name=value"),
+        ("200 ms latency ()", "in the brackets is not name=value"),
+        ("200 ms latency (mode=)", "'mode=' in the brackets is not name=value"),
         ("clean and occlusion 0.5", "'clean' means no perturbation and stands alone"),
     ],
 )
@@ -286,3 +286,41 @@ def test_a_phrase_that_shows_no_field_is_explained() -> None:
 def test_a_severity_without_a_sentence_form_is_refused() -> None:
     with pytest.raises(PerturbationError, match="only these have a sentence form"):
         str(Dimmed(gain={"a": 1}))  # type: ignore[arg-type]
+
+
+def test_a_class_does_not_inherit_the_sentence_of_another_failure() -> None:
+    class GpsBias(GpsNoise):
+        pass
+
+    assert str(GpsBias(std_m=3)) == "gps bias (std_m=3)"
+    assert type(Setting.parse("GPS noise 3 m", {"gps-bias": GpsBias, **BUILTIN}).perturbations[0]) is GpsNoise
+
+
+def test_severities_that_are_no_fields_are_refused() -> None:
+    class WeakThrottle(Perturbation):
+        def __init__(self, gain: float) -> None:
+            self.gain = gain
+
+    with pytest.raises(PerturbationError, match=r"WeakThrottle has an __init__ of its own.*write @dataclass"):
+        Setting.of(WeakThrottle(0.0))
+
+
+@pytest.mark.parametrize("joint", [" + ", ", ", " & ", ","])
+def test_who_joins_failures_otherwise_is_told_the_word(joint: str) -> None:
+    with pytest.raises(RequirementError, match=r"Join failures with 'and': 'occlusion 0.5 and 100 ms latency'"):
+        Setting.parse(f"occlusion 0.5{joint}100 ms latency")
+
+
+def test_a_name_is_said_once_in_the_brackets() -> None:
+    with pytest.raises(RequirementError, match="'mode' is said twice"):
+        Setting.parse("200 ms latency (mode=hold, mode=fifo)")
+
+
+def test_a_switch_in_a_phrase_is_read_back() -> None:
+    @dataclass
+    class Flip(Perturbation):
+        on: bool = True
+        phrase = "flip {on}"
+
+    known = {"flip": Flip}
+    assert Setting.parse(str(Setting.of(Flip(on=False))), known) == Setting.of(Flip(on=False))

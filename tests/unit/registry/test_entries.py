@@ -88,7 +88,7 @@ def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
     [
         ("mine:sped=4", "'speed'"),
         ("mine:speed=fast", "a number, as in speed=8.0"),
-        ("mine:ahead=2.5", "a number, as in ahead=3"),
+        ("mine:ahead=2.5", "a whole number, as in ahead=3"),
         ("mine:keen=yes", "true or false"),
         ("mine:speed=", "NAME=VALUE"),
         ("mine:speed=4+mode", "NAME=VALUE"),

@@ -12,6 +12,7 @@ import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.perturbations import GpsNoise
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -326,3 +327,40 @@ def test_a_module_of_your_own_is_still_a_module(several_kinds, tmp_path, monkeyp
 def test_names_without_an_argument_take_none(several_kinds):
     with pytest.raises(PluginError, match="does not load"):
         several_kinds.simulator("plain:Rome")
+
+
+def failure(phrase: str) -> type[Perturbation]:
+    """Return a new class of that sentence, with one severity."""
+    return dataclass(
+        type("Dimmed", (Perturbation,), {"__annotations__": {"gain": float}, "gain": 0.5, "phrase": phrase})
+    )
+
+
+@pytest.mark.parametrize(
+    ("phrase", "message"),
+    [
+        ("{gain} ms latency", "is a sentence of Dimmed and of InferenceLatency"),
+        ("dimmed {gain} to {gain}", "shows 'gain'.*each once: gain"),
+        ("dimmed {gain:.2f}", "shows 'gain'.*plain names"),
+        ("dimmed {level}", "shows 'level'.*each once: gain"),
+        ("dimmed {gain", "is malformed"),
+    ],
+)
+def test_a_sentence_that_cannot_be_read_back_is_refused_where_it_is_registered(phrase: str, message: str) -> None:
+    with pytest.raises(PluginError, match=rf"perturbation 'dimmed' from .* cannot be used: .*{message}"):
+        Registry().register_perturbation(failure(phrase))
+
+
+def test_the_name_of_a_built_in_failure_or_world_keeps_its_meaning() -> None:
+    with pytest.raises(UsageError, match="'gps-noise' is a built-in perturbation and keeps its meaning"):
+        Registry().register_perturbation(failure("dimmed {gain}"), "gps-noise")
+    with pytest.raises(UsageError, match="'embedded' is a built-in simulator and keeps its meaning"):
+        Registry().register_simulator("embedded", FakeSimulator)
+    Registry().register_perturbation(GpsNoise)  # the same again says nothing new
+
+
+def test_an_agent_that_nothing_can_make_is_refused_before_anything_is_driven(tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "numbered.py").write_text("number = 3\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(PluginError, match=r"'numbered:number' from .* is 3, expected a class or a function"):
+        Registry().require("agents", "numbered:number")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pytest_drive_robust.errors import RequirementError
+from pytest_drive_robust.errors import PluginError, RequirementError
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations import (
     BUILTIN,
@@ -23,6 +23,7 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.sentences import parse_requirement, requirements
 
@@ -276,3 +277,11 @@ def test_margins_stand_beside_other_requirements() -> None:
     found = requirements("RD under 100 ms latency <= 0.2\nlatency margin >= 150 ms  # a comment", known=BUILTIN)
     assert [type(item) for item in found] == [Requirement, MarginRequirement]
     assert found[1].setting.perturbations == (InferenceLatency(ms=150),)
+
+
+def test_a_failure_that_does_not_load_is_told_beside_a_sentence_that_does_not_parse(monkeypatch) -> None:
+    problems = lambda: (PluginError("the perturbation 'late-dim' from dims 1.0 does not load"),)  # noqa: E731
+    monkeypatch.setattr(default_registry(), "problems", problems)
+    for parse in (requirements, parse_requirement):
+        with pytest.raises(RequirementError, match=r"Left out, because it does not load: .*'late-dim' from dims 1\.0"):
+            parse("RD under late dim 0.5 <= 0.3")

@@ -388,3 +388,25 @@ class Factory:
 
     def make(self) -> object:
         return self
+
+
+@pytest.mark.parametrize("weights", [[0.3, 0.7], 3, property(lambda self: "w.pt")])
+def test_weights_that_are_no_files_are_refused(module, weights):
+    made = module("weighing", AGENT)
+    made.Agent.weights = weights
+    with pytest.raises(UsageError, match=r"`weights` of the agent 'mine' is .*expected the paths of its weight files"):
+        identity_with(made.Agent)
+
+
+def test_no_weights_are_none(module):
+    made = module("weighing", AGENT)
+    without = identity_with(made.Agent)
+    made.Agent.weights = None
+    assert identity_with(made.Agent) == without
+
+
+def test_a_library_that_is_no_name_is_refused(module):
+    made = module("computing", AGENT)
+    made.Agent.computed_by = 3
+    with pytest.raises(UsageError, match="`computed_by` of an agent is 3, expected names of modules"):
+        identity_with(made.Agent)

@@ -55,3 +55,24 @@ def test_methods_that_were_made_elsewhere_do_not_tell_where_a_class_is(module):
     head = "from dataclasses import dataclass\nfrom decorating import decorated\n\n@dataclass\nclass Agent:\n"
     made = module("made", f"{head}    x: int\n\n    @decorated\n    def act(self):\n        return 0\n")
     assert file_of(made.Agent).name == "made.py"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import math; import tuning",
+        "import tuning; SPEED = 1",
+        "try: import tuning\nexcept ImportError: pass",
+        "if True: import tuning",
+        "if True: from tuning import SPEED",
+        "\ufeffimport tuning",
+        "\x0cimport tuning",
+        "import math, \\\n  tuning",
+    ],
+)
+def test_an_import_counts_wherever_it_stands_in_its_line(module, line):
+    module("tuning", "SPEED = 6\n")
+    made = module("tuned", f"{line}\nclass Agent: pass\n")
+    before = code_of(made.Agent)
+    module("tuning", "SPEED = 0\n")
+    assert code_of(made.Agent) != before

@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
@@ -19,6 +20,8 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
 from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 
 CAMERA = CameraSpec("front", width_px=16, height_px=9)
@@ -411,3 +414,115 @@ def test_a_simulator_that_leaves_by_sys_exit_is_not_an_agent_error() -> None:
 
     with pytest.raises(SystemExit):
         drive(ScriptedAgent([FULL]), simulator=Leaving())
+
+
+def test_a_privileged_agent_cannot_change_the_map_of_later_episodes() -> None:
+    class Digger(RecordingAgent):
+        privileged = True
+
+        def act(self, observation: Observation) -> Control:
+            assert observation.truth is not None
+            observation.truth.lane_map.lanes[0].centre[:] += 5.0
+            return super().act(observation)
+
+    simulator, route = EmbeddedSimulator(), named_routes("dev10")[0]
+    simulator.reset(route, seed=0, cameras=())
+    before = simulator.truth().lane_map.lanes[0].centre.copy()
+    drive_episode(simulator, Digger([FULL]), route=route, setting=Setting.CLEAN, seed=0, agent_name="digger")
+    simulator.reset(route, seed=0, cameras=())
+    assert np.array_equal(simulator.truth().lane_map.lanes[0].centre, before)
+
+
+@pytest.mark.parametrize(
+    ("consumes", "detail"),
+    [
+        ("gps", "consumes is 'gps', expected a set of names"),
+        (3, "consumes is 3, expected a set of names"),
+        ({"camera"}, "consumes has 'camera', which is no signal. Did you mean 'cameras'?"),
+    ],
+)
+def test_signals_that_cannot_be_are_the_agents_error(consumes: object, detail: str) -> None:
+    agent = ScriptedAgent([FULL])
+    agent.consumes = consumes  # type: ignore[attr-defined]
+    result = drive(agent)
+    assert result.outcome is Outcome.AGENT_ERROR
+    assert detail in result.end_detail
+
+
+def test_a_perturbation_that_gives_the_vehicle_something_else_is_named() -> None:
+    class Tuple(Perturbation):
+        def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
+            return (0.0, 0.0, 0.0)  # type: ignore[return-value]
+
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(Tuple()))
+    assert result.end is End.SIMULATION_CRASHED
+    assert "the perturbations gave the vehicle (0.0, 0.0, 0.0), expected a Control or None" in result.end_detail
+
+
+@pytest.mark.parametrize(
+    ("pixels", "told"),
+    [
+        (
+            lambda image: image * 0.5,
+            r"gave pixels (9, 16, 3) float64 for the camera 'front', expected (9, 16, 3) uint8",
+        ),
+        (lambda image: image[1:], "gave pixels (8, 16, 3) uint8 for the camera 'front', expected (9, 16, 3) uint8"),
+    ],
+)
+def test_a_perturbation_that_spoils_an_image_is_named_and_not_the_agent(
+    pixels: Callable[[Any], Any], told: str
+) -> None:
+    class Spoiling(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            return observation.map_images(lambda name, image: Image(pixels(image.pixels), image.tick))
+
+    result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), setting=Setting.of(Spoiling()))
+    assert result.end is End.SIMULATION_CRASHED
+    assert told in result.end_detail
+
+
+def test_a_perturbation_that_loses_a_camera_is_named() -> None:
+    class Losing(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            return replace(observation, cameras={})
+
+    result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), setting=Setting.of(Losing()))
+    assert result.end is End.SIMULATION_CRASHED
+    assert "Losing.observe gave images of [], expected those of ['front']" in result.end_detail
+
+
+def test_what_was_injected_is_checked_before_it_is_stored() -> None:
+    class Noting(Perturbation):
+        def schedule(self) -> Any:
+            return [{"signal": "gps"}]
+
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(Noting()))
+    assert result.outcome is Outcome.INFRA_ERROR
+    assert "schedule() of a perturbation gave {'signal': 'gps'}, expected Injection objects" in result.end_detail
+
+
+@pytest.mark.parametrize(
+    ("score", "told"),
+    [
+        (lambda score: {}, "score() gave {}, expected an EpisodeScore"),
+        (lambda score: None, "score() gave None, expected an EpisodeScore"),
+        (lambda score: replace(score, end="completed"), "score() gave the end 'completed', expected an End"),
+        (lambda score: replace(score, infractions=["hit"]), "score() gave the infraction 'hit', expected Infraction"),
+    ],
+)
+def test_a_score_is_checked_before_it_is_stored(score: Callable[[Any], Any], told: str) -> None:
+    class Scoring(FakeSimulator):
+        def score(self) -> Any:
+            return score(super().score())
+
+    result = drive(ScriptedAgent([FULL]), simulator=Scoring())
+    assert result.outcome is Outcome.INFRA_ERROR
+    assert told in result.end_detail
+
+
+def test_versions_are_kept_as_text() -> None:
+    class Numbered(FakeSimulator):
+        def versions(self) -> Any:
+            return {"carla": 15}
+
+    assert drive(ScriptedAgent([FULL]), simulator=Numbered()).versions == {"carla": "15"}

@@ -135,3 +135,18 @@ def test_a_plan_of_no_points_is_left_out(points):
     agent.plan = lambda: PlannedPath(path=points)  # type: ignore[method-assign]
     result = drive(agent)
     assert result.tracks is None or len(result.tracks.plans) == 0
+
+
+def test_a_plan_is_copied_when_it_is_seen() -> None:
+    class Reusing(Planner):
+        def plan(self) -> PlannedPath:
+            self.calls += 1
+            self.buffer = getattr(self, "buffer", None) or [[0.0, 0.0]]
+            self.buffer[0][0] = float(self.calls)
+            return PlannedPath(path=self.buffer)  # type: ignore[arg-type]
+
+    tracks = drive(Reusing()).tracks
+    assert tracks is not None
+    ahead = tracks.points[:, 0]
+    assert len(ahead) > 2
+    assert len(set(ahead.tolist())) == len(ahead)
