@@ -12,8 +12,8 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.references import References, home_of
 from pytest_drive_robust.report.comparison import comparison_text
 

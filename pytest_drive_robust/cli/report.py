@@ -11,8 +11,8 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes

@@ -16,7 +16,7 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
-from pytest_drive_robust.stats.several import late_fails
+from pytest_drive_robust.stats.multiple_verdicts import late_fails
 from pytest_drive_robust.store.events import (
     Asked,
     Event,
@@ -177,7 +177,10 @@ def mixed_machines(run: RunResult) -> list[str]:
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
-    """Return what was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
+    """Return what was judged, and which of it fails only now that all p-values are known.
+
+    See `stats.multiple_verdicts`.
+    """
     known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
     if options.correction == "none" or not known:
         return judged, ()

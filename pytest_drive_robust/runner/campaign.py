@@ -12,8 +12,8 @@ from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope, first_of_each_agent
-from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
+from pytest_drive_robust.runner.verdict_events import asked, awaited, judged, not_judged
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.events import Planned, Read, Spared, Troubled, Used

@@ -2,7 +2,7 @@
 
 `gate(clean, perturbed, threshold, margin, alpha)` is all of it on two lists of scores. Its parts: `evidence` turns a
 requirement into linear forms of one route's scores and reads them, `judges` holds all ways to read them, `intervals`
-says how sure a value is, `resolution` what so many routes can show, `several` what many verdicts mean together.
+says how sure a value is, `resolution` what so many routes can show, `multiple_verdicts` what many mean together.
 """
 
 from __future__ import annotations

@@ -2,6 +2,6 @@
 
 `base` says what a run needs of a store, `folder` keeps that promise with one checksummed file for each episode:
 `record` is its content, `episode_fields` the facts in it, `packing` its tables, `track_bytes` its tracks,
-`record_files` the files, `claims` who drives what. `index` and `care` look after a folder, `events` are what
+`record_files` the files, `claims` who drives what. `index` and `maintenance` look after a folder, `events` are what
 happens in a run. `whole_file` writes every file of ours.
 """

@@ -20,8 +20,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import write_pages

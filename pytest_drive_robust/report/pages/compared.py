@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Flip
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.pages.records import Ident, RunRecords

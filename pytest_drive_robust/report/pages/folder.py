@@ -12,7 +12,7 @@ from typing import Any
 from pytest_drive_robust import __version__
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text

@@ -8,7 +8,7 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
-from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped

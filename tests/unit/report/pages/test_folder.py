@@ -18,8 +18,8 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pages
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text

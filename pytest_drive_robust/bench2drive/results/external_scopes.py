@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
-from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
+from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.options.marker import MarkerOptions
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # it needs fcntl, and results are read on systems without it,
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
 
-class OutsideScopes(Scopes):
+class ExternalScopes(Scopes):
     """As `Scopes`, over the routes of an executor that has routes of its own (`supply`).
 
     Agents are only names here; none is loaded and no world is built.

@@ -1,4 +1,4 @@
-"""What the record of a run is told of a requirement: what it asked for, its verdict, what a search found."""
+"""The events of a requirement: what it asks for, its verdict, what a search found."""
 
 from __future__ import annotations
 
