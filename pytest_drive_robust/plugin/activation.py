@@ -113,5 +113,5 @@ def _drive_here(
     if options.plan:
         from pytest_drive_robust.plugin.plan_option import PlanPlugin
 
-        plan = PlanPlugin(config, campaign, store, collection.requests, collection.readings, executor)
+        plan = PlanPlugin(config, campaign, store, collection.requests, collection.verdict_plans, executor)
         config.pluginmanager.register(plan, "drive_robust_planning")

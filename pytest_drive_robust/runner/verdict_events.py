@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope
+from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan
 from pytest_drive_robust.store.events import Asked, Awaited, Judged, Searched
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
@@ -20,15 +20,15 @@ def asked(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[Asked, .
     return (*baseline, Asked(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
 
 
-def awaited(reading: Reading) -> Awaited:
+def awaited(plan: VerdictPlan) -> Awaited:
     """Return what a selected test will read."""
-    setting, ordered = reading.requirement.setting, RouteRequests.joined(reading.routes)
+    setting, ordered = plan.requirement.setting, RouteRequests.joined(plan.routes)
     return Awaited(
-        **reading.scope.named,
-        requirement=str(reading.requirement),
+        **plan.scope.named,
+        requirement=str(plan.requirement),
         setting=str(setting),
-        rule=reading.kind,
-        likely=reading.likely_routes,
+        rule=plan.kind,
+        likely=plan.likely_routes,
         keys=_keys(ordered.perturbed),
         clean=str(setting.baseline) if ordered.clean else "",
         clean_keys=_keys(ordered.clean),

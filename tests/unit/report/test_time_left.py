@@ -154,7 +154,7 @@ def replay(tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, resumes: 
     for key, request in requests.items():
         if resumes and request.episode.setting == "clean":
             store.put(key, executor.result(request))
-    campaign.planned(requests, [scope.reading(requirement, rule) for requirement, scope, rule in tests])
+    campaign.planned(requests, [scope.verdict_plan(requirement, rule) for requirement, scope, rule in tests])
     for number, (requirement, scope, rule) in enumerate(tests):
         campaign.judge(requirement, scope, rule, nodeid=str(number))
     return told
@@ -224,5 +224,5 @@ def test_episodes_that_were_stored_are_not_left() -> None:
         store.put(request.key, scored(request.route.id, 100.0))
     executor = Replayed(clock, slots=1)
     campaign = Campaign(store, executor, told, metrics="bench2drive")
-    campaign.planned(requests, [scope.reading(requirement, rule)])
+    campaign.planned(requests, [scope.verdict_plan(requirement, rule)])
     assert told.state.counts() == "40/44 episodes"

@@ -83,7 +83,7 @@ def test_idle_slots_begin_with_later_tests_and_beside_others_only_with_what_is_n
     hands = Hands(slots=4)
     driving = Campaign(MemoryStore(), hands, Nobody(), metrics="bench2drive")
     (wanted,) = requirements("DS under 200 ms latency >= 40")
-    driving.planned(SCOPE.plan([wanted]), [SCOPE.reading(wanted, VerdictRule(rule))], shared=shared)
+    driving.planned(SCOPE.plan([wanted]), [SCOPE.verdict_plan(wanted, VerdictRule(rule))], shared=shared)
     driving.episodes(SCOPE, Setting.CLEAN)
     assert hands.settings[:6] == ["clean"] * 6
     assert ("200 ms latency" in hands.settings) is begun_ahead
