@@ -106,8 +106,7 @@ def _drive_here(
         store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
     )
     config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign)
-    last_words = getattr(executor, "last_words", tuple)
-    config.pluginmanager.register(DrivingPlugin(campaign, last_words), "drive_robust_driving")
+    config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
     collection = CollectionPlugin()
     config.pluginmanager.register(collection, "drive_robust_collection")
     if options.plan:

@@ -49,7 +49,7 @@ class PlanPlugin:
                 likely=likely,
                 possible=possible,
                 slots=self.executor.slots,
-                together=getattr(self.executor, "together", lambda agent: 1),
+                together=self.executor.together,
                 colour=reporter.hasmarkup,
             )
             reporter.section("drive-robust plan")

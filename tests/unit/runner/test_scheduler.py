@@ -8,6 +8,7 @@ from result_factory import make_result
 
 from pytest_drive_robust.errors import BudgetSpentError, PluginError
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
@@ -22,8 +23,10 @@ TASKS = (
 ROUTE_OF = {task.key: task.route.id for task in TASKS}
 
 
-class Hands:
+class Hands(Executor):
     """An executor whose episodes end when the test says so."""
+
+    slots = 2
 
     def __init__(self, slots: int = 2) -> None:
         self.slots = slots
