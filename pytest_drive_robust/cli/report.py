@@ -15,7 +15,7 @@ from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
-from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes
+from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
 
 _DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
 run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there

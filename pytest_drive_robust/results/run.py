@@ -13,7 +13,7 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import Ident, RunRecords
 from pytest_drive_robust.results.tables import columns_of
 from pytest_drive_robust.store.events import Judged
 

@@ -25,7 +25,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import write_pages
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import Asked, Judged, Used

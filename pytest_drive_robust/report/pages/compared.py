@@ -9,7 +9,7 @@ from typing import Any
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Flip
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import Ident, RunRecords
 from pytest_drive_robust.stats.intervals import mean_interval
 
 

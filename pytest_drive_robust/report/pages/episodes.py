@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import Ident, RunRecords
 from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence
 
 

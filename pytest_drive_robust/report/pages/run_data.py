@@ -14,8 +14,8 @@ from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
-from pytest_drive_robust.report.pages.records import RunRecords
-from pytest_drive_robust.report.pages.road_map import RoadMaps
+from pytest_drive_robust.report.road_map import RoadMaps
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships

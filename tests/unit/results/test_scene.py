@@ -13,7 +13,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.json_file import run_as_json
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.results.run import Run
 from pytest_drive_robust.results.scene import Scene, scenes_of

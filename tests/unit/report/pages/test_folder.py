@@ -23,7 +23,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pages
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes

@@ -1,4 +1,4 @@
-"""A run as pages need it: its document, and of each episode the result, with its trace where one is stored."""
+"""A stored run: its document, and the result of each episode, with its trace where one is stored."""
 
 from __future__ import annotations
 
