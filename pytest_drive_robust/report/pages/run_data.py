@@ -144,7 +144,7 @@ def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
 
 def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[dict[str, Any]]:
     """Return the groups of episodes of the run that broke."""
-    numbered = [(table.numbers[0, ident], result) for ident, result in records.results.items()]
+    numbered = [(table.numbers[0, episode], result) for episode, result in records.results.items()]
     roads: dict[int, Road] = {}
 
     def road_of(result: EpisodeResult) -> Road | None:
