@@ -31,7 +31,8 @@ from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scheduler import Observer
-from pytest_drive_robust.store.base import EpisodeStore, new_run_name, open_store
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.opening import new_run_name, open_store
 
 
 def activate(config: pytest.Config) -> None:
