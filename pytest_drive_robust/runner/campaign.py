@@ -13,10 +13,10 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan, first_of_each_agent
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
-from pytest_drive_robust.runner.verdict_events import asked, awaited, judged, not_judged
+from pytest_drive_robust.runner.verdict_events import episodes_needed, judged, not_judged, verdict_planned
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.store.base import EpisodeStore
-from pytest_drive_robust.store.events import Planned, Read, Spared, Troubled, Used
+from pytest_drive_robust.store.events import Planned, RoutesRead, Spared, StoreTroubled, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -84,7 +84,7 @@ class Campaign:
         self.observer(Planned(tuple(requests)))
         verdict_plans = [replace(plan, kind="point") for plan in verdict_plans] if self._whole else verdict_plans
         for plan in verdict_plans:
-            self.observer(awaited(plan))
+            self.observer(verdict_planned(plan))
         if shared:
             verdict_plans = [plan for plan in verdict_plans if plan.kind == "point"]
         else:
@@ -190,7 +190,7 @@ class Campaign:
             begun += route.requests
             likely = planned if self._whole else number + max(1, judge.likely_left(planned))
             named = {**plan.scope.named, "requirement": str(plan.requirement)}
-            self.observer(Read(**named, routes=number, likely=likely))
+            self.observer(RoutesRead(**named, routes=number, likely=likely))
             ahead, self._first = (*self._first, *plan.requests(number + 1, likely)), ()
             self.scheduler.ensure(route.requests, ahead, plan.requests(likely))
             yield self._score(plan, route)
@@ -221,7 +221,7 @@ class Campaign:
         run all the same: an error or an interrupt is to be read beside what led to it.
         """
         begun: list[EpisodeRequest] = []
-        for event in asked(scope, setting, need):
+        for event in episodes_needed(scope, setting, need):
             self.observer(event)
         try:
             yield begun
@@ -233,4 +233,4 @@ class Campaign:
             for problem in self._store.problems():
                 if problem not in self._told:
                     self._told.add(problem)
-                    self.observer(Troubled(problem))
+                    self.observer(StoreTroubled(problem))

@@ -6,24 +6,24 @@ from dataclasses import replace
 
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan
-from pytest_drive_robust.store.events import Asked, Awaited, Judged, Searched
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Searched, VerdictPlanned
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
 from pytest_drive_robust.verdict.requirement import Requirement
 
 
-def asked(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[Asked, ...]:
+def episodes_needed(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[EpisodesNeeded, ...]:
     """Return what is asked for: the setting, and its clean twins as a setting of their own."""
     clean, own = _keys(need.clean), _keys(need.perturbed)
     twins = () if clean == own else clean
-    baseline = (Asked(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
-    return (*baseline, Asked(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
+    baseline = (EpisodesNeeded(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
+    return (*baseline, EpisodesNeeded(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
 
 
-def awaited(plan: VerdictPlan) -> Awaited:
+def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
     """Return what a selected test will read."""
     setting, ordered = plan.requirement.setting, RouteRequests.joined(plan.routes)
-    return Awaited(
+    return VerdictPlanned(
         **plan.scope.named,
         requirement=str(plan.requirement),
         setting=str(setting),
