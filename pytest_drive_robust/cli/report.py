@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pytest_drive_robust.cli.compare import add_baselines, references_of
+from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE

@@ -15,8 +15,8 @@ from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.regression.document import episode_of, read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.document import episode_of
+from pytest_drive_robust.regression.references import home_of, read_run_document
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.record import decode_record
@@ -49,11 +49,11 @@ class RunRecords:
 
         `store` is the folder of the episodes where they are not in the project's. Raises `UsageError`.
         """
-        home = home_of(Path.cwd())
-        document = read_document(run_file(StoredRuns(home), reference))
+        document = read_run_document(reference)
         stored = document.get("stored")
         label = str(stored.get("name") or reference) if isinstance(stored, dict) else reference
-        return cls.of(document, stored_episodes(store or home / DEFAULT_STORE), registry, label=label)
+        find = stored_episodes(store or home_of(Path.cwd()) / DEFAULT_STORE)
+        return cls.of(document, find, registry, label=label)
 
     @classmethod
     def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
