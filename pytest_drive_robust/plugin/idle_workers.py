@@ -53,7 +53,7 @@ class IdleWorkerPlugin:
             self._own.release()
 
     def _help(self) -> None:
-        wanted = _OpenRequests(self._folder, self._scopes)
+        wanted = OpenRequests(self._folder, self._scopes)
         try:
             while not self._stop.exists() and self._others_are_busy():
                 self._campaign.scheduler.assist(wanted.requests())
@@ -70,7 +70,7 @@ class IdleWorkerPlugin:
         return False
 
 
-class _OpenRequests:
+class OpenRequests:
     """The requests of the workers of a run that are not answered yet, read from their journals."""
 
     def __init__(self, folder: Path, scopes: Scopes) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.plugin.idle_workers import _OpenRequests
+from pytest_drive_robust.plugin.idle_workers import OpenRequests
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, routes_in_order
 from pytest_drive_robust.store.events import EpisodesNeeded, Event, Judged, Spared, Used
 from pytest_drive_robust.store.journal import JournalWriter
@@ -84,7 +84,7 @@ AGENTS.append(Unmakeable)
 
 
 class Names:
-    """What `_OpenRequests` asks of the scopes of a run."""
+    """What `OpenRequests` asks of the scopes of a run."""
 
     def of(self, marker: MarkerOptions) -> Scope:
         assert (marker.agent, marker.routes, marker.seeds) == (SCOPE.agent, SCOPE.routes_spec, SCOPE.seeds)
@@ -105,7 +105,7 @@ def needed(sentence: str, *, clean: bool = False) -> tuple[EpisodesNeeded, list[
 @pytest.fixture
 def journal(tmp_path: Path):
     writer = JournalWriter(tmp_path, name="gw0")
-    questions = _OpenRequests(tmp_path, Names())  # type: ignore[arg-type]
+    questions = OpenRequests(tmp_path, Names())  # type: ignore[arg-type]
 
     def told(*events: Event) -> list[EpisodeRequest]:
         for event in events:

@@ -71,9 +71,9 @@ class Diary:
             self.hands.finish(list(self.hands.open)[-1])
 
 
-def scheduler_of(slots: int = 2, store: MemoryStore | None = None, **given):
+def scheduler_of(slots: int = 2, store: MemoryStore | None = None, *, observer: type[Diary] = Diary, **given):
     hands = Hands(slots)
-    diary = Diary(hands)
+    diary = observer(hands)
     return Scheduler(store or MemoryStore(), hands, diary, **given), hands, diary
 
 
@@ -146,7 +146,6 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
     claims = store.claim
     taken = {TASKS[0].key}
     store.claim = lambda key: None if key in taken else claims(key)  # type: ignore[method-assign]
-    scheduler, hands, diary = scheduler_of(slots=1, store=store)
 
     class Other(Diary):
         def ticked(self) -> None:
@@ -154,7 +153,7 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
             if self.waits == 3:
                 store.put(TASKS[0].key, make_result("0"))
 
-    scheduler._observer = diary = Other(hands)
+    scheduler, hands, diary = scheduler_of(slots=1, store=store, observer=Other)
     scheduler.ensure(TASKS[:1], ahead=TASKS[1:3])
     assert "0" not in hands.begun
     assert hands.begun[0] == "1"
