@@ -36,7 +36,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
-from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.runner.episode.loop import drive_episode

@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from pytest_drive_robust.cli.compare import add_baselines, references_of
+from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import Blessing, bless
 

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.outcome import Terms
-from pytest_drive_robust.regression.references import References, home_of
 from pytest_drive_robust.report.comparison import comparison_text
 
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
@@ -44,16 +43,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_pytest_option(parser, "--on-mismatch")
     add_baselines(parser)
     parser.set_defaults(command=_compare)
-
-
-def add_baselines(parser: argparse.ArgumentParser) -> None:
-    """Add `--baselines`, which `references_of` reads."""
-    add_pytest_option(parser, "--baselines")
-
-
-def references_of(options: argparse.Namespace) -> References:
-    """Return what finds stored runs and baselines."""
-    return References(home_of(Path.cwd()), Path(options.baselines) if options.baselines else None)
 
 
 def _compare(options: argparse.Namespace) -> int:

@@ -13,8 +13,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
-from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import home_of, read_run_document
 from pytest_drive_robust.results.mcap_file import write_mcap
 from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run
@@ -92,7 +91,7 @@ def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
 
 
 def _write_official(options: argparse.Namespace) -> int:
-    document = read_document(run_file(StoredRuns(home_of(Path.cwd())), options.run))
+    document = read_run_document(options.run)
     towns, specs = _towns(document)
     written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)
     for item in written:

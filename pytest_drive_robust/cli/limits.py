@@ -9,9 +9,9 @@ from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.regression.document import read_document, snapshot_of
+from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
-from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
@@ -40,7 +40,7 @@ def _limits(options: argparse.Namespace) -> int:
     path = Path(options.out or f"limits-{options.agent.replace(':', '-').replace('/', '-')}.txt")
     if path.exists():
         raise UsageError(f"{str(path)!r} exists, and limits are reviewed: give another name with --out.")
-    document = read_document(run_file(StoredRuns(home_of(Path.cwd())), options.run))
+    document = read_run_document(options.run)
     rule = VerdictRule()
     found = propose_limits(
         snapshot_of(document, label=options.run),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
@@ -16,23 +17,20 @@ from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode
 
-Words = tuple[str, str, str, int]
-"""Agent, route id, setting, seed."""
-
 
 @dataclass(frozen=True, slots=True)
 class Before:
     """Episodes that were driven before: `label` is how people call the place.
 
-    `folder` holds episode files, `digests` the digests of trajectories by the words of their episodes, `routes` the
-    digests of the routes by id as far as they are known, `episode` is one episode; what there is not is None or empty.
+    `folder` holds episode files, `digests` the digests of trajectories by episode, `routes` the digests of the routes
+    by id as far as they are known, `episode` is one episode; what there is not is None or empty.
     `asked` is False when nobody named the place.
     """
 
     label: str
     asked: bool
     folder: Path | None = None
-    digests: Mapping[Words, str] | None = None
+    digests: Mapping[Episode, str] | None = None
     routes: Mapping[str, str] = field(default_factory=dict)
     episode: EpisodeResult | None = None
 
@@ -47,11 +45,10 @@ class Before:
             # A store keeps what earlier versions of an agent drove, too: the newest one is told of.
             differences = [difference(driven, earlier) for earlier in stored]
             return (True, same) if not all(differences) else (False, f"DIFFERS from {self.label} {differences[0]}")
-        words = (driven.episode.agent, route.id, driven.episode.setting, driven.episode.seed)
         is_another_route = self.routes.get(route.id, route_digest(route)) != route_digest(route)
-        if self.digests is None or words not in self.digests or is_another_route:
+        if self.digests is None or driven.episode not in self.digests or is_another_route:
             return None
-        if self.digests[words] == driven.trace.digest:
+        if self.digests[driven.episode] == driven.trace.digest:
             return True, same
         return False, f"DIFFERS from {self.label}"
 
@@ -113,10 +110,10 @@ def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
     return found
 
 
-def _digests(document: Mapping[str, Any], path: Path) -> dict[Words, str]:
+def _digests(document: Mapping[str, Any], path: Path) -> dict[Episode, str]:
     try:
         return {
-            (str(item["agent"]), str(item["route_id"]), str(item["setting"]), int(item["seed"])): str(
+            Episode(str(item["agent"]), str(item["route_id"]), str(item["setting"]), int(item["seed"])): str(
                 item["trace_digest"]
             )
             for item in document["episodes"]

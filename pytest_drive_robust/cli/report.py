@@ -5,17 +5,17 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pytest_drive_robust.cli.compare import add_baselines, references_of
+from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
-from pytest_drive_robust.report.pages.records import RunRecords, stored_episodes
+from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
 
 _DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
 run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there

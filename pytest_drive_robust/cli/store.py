@@ -12,7 +12,7 @@ from pytest_drive_robust.options.parsers import time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.numbers import counted, duration_text
-from pytest_drive_robust.store.care import Statistics, set_aside, statistics, sweep, verify
+from pytest_drive_robust.store.maintenance import Statistics, set_aside, statistics, sweep, verify
 from pytest_drive_robust.store.record_files import is_store
 
 _MEGA = 1e6

@@ -31,7 +31,8 @@ from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scheduler import Observer
-from pytest_drive_robust.store.base import EpisodeStore, new_run_name, open_store
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.opening import new_run_name, open_store
 
 
 def activate(config: pytest.Config) -> None:
@@ -106,12 +107,11 @@ def _drive_here(
         store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
     )
     config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign)
-    last_words = getattr(executor, "last_words", tuple)
-    config.pluginmanager.register(DrivingPlugin(campaign, last_words), "drive_robust_driving")
+    config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
     collection = CollectionPlugin()
     config.pluginmanager.register(collection, "drive_robust_collection")
     if options.plan:
         from pytest_drive_robust.plugin.plan_option import PlanPlugin
 
-        plan = PlanPlugin(config, campaign, store, collection.requests, collection.readings, executor)
+        plan = PlanPlugin(config, campaign, store, collection.requests, collection.verdict_plans, executor)
         config.pluginmanager.register(plan, "drive_robust_planning")

@@ -90,13 +90,13 @@ def backend_for(
     """
     registry = default_registry()
     if options.is_external:
-        from pytest_drive_robust.bench2drive.results.outside import OutsideScopes
+        from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes
 
         if options.simulator == RESULTS:
-            from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
+            from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
             results = ResultsExecutor.read(execution.results, registry.perturbations(), options.asked_reading)
-            return OutsideScopes(options, registry, resolve_routes, results), results
+            return ExternalScopes(options, registry, resolve_routes, results), results
         check_platform(f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results=FOLDER.")
         from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
@@ -116,7 +116,7 @@ def backend_for(
             fresh=options.fresh,
             patience=patience,
         )
-        return OutsideScopes(options, registry, resolve_routes, evaluator), evaluator
+        return ExternalScopes(options, registry, resolve_routes, evaluator), evaluator
     scopes = Scopes(
         options,
         registry,

@@ -12,7 +12,7 @@ from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker
 from pytest_drive_robust.plugin.requirement_place import requirements_of
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
-from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, Scope
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, VerdictPlan
 from pytest_drive_robust.store.events import Advised
 from pytest_drive_robust.verdict.requirement import by_evidence
 
@@ -20,12 +20,12 @@ from pytest_drive_robust.verdict.requirement import by_evidence
 class CollectionPlugin:
     """In every process that runs tests: plans the episodes of the selected tests.
 
-    `requests` are these episodes by key, `readings` what their verdicts read of them; in the order of the tests.
+    `requests` are these episodes by key, `verdict_plans` what their verdicts read of them; in the order of the tests.
     """
 
     def __init__(self) -> None:
         self.requests: dict[str, EpisodeRequest] = {}
-        self.readings: list[Reading] = []
+        self.verdict_plans: list[VerdictPlan] = []
         self._advice: dict[tuple[int, float, float], str] = {}  # by number of routes, margin and alpha
         self._scopes: dict[tuple[str, str], Scope] = {}
         self._judged_by_evidence = 0
@@ -44,7 +44,7 @@ class CollectionPlugin:
         if context.options.correction != "none":
             context = context._replace(family=max(1, self._judged_by_evidence))
             config.stash[DRIVE_CONTEXT] = context
-        context.campaign.planned(self.requests, self.readings, shared=is_worker(config))
+        context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         if is_worker(config) and self._advice:
             context.campaign.observer(Advised(tuple(self._advice.values())))  # the controller shows it
@@ -77,5 +77,5 @@ class CollectionPlugin:
                 place = len(scope.routes), verdict_rule.margin, verdict_rule.alpha
                 self._advice.setdefault(place, advice.text)
         self.requests.update(scope.plan(wanted))
-        self.readings += [scope.reading(requirement, verdict_rule) for requirement in wanted]
+        self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)

@@ -18,7 +18,7 @@ NOT_JUDGED = "drive_robust_not_judged"
 class DrivingPlugin:
     """Reports on tests that drive. `last_words()` are what broken episodes printed since it was asked last."""
 
-    def __init__(self, campaign: Campaign, last_words: Callable[[], tuple[tuple[str, str], ...]] = tuple) -> None:
+    def __init__(self, campaign: Campaign, last_words: Callable[[], tuple[tuple[str, str], ...]]) -> None:
         self._campaign = campaign
         self._last_words = last_words
 

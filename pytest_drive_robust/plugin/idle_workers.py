@@ -15,7 +15,8 @@ from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.plan import EpisodeRequest, routes_in_order
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.claims import Claims
-from pytest_drive_robust.store.events import Asked, JournalReader, Judged, Spared, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Spared, Used
+from pytest_drive_robust.store.journal import JournalReader
 
 _BUSY = "busy"
 
@@ -52,7 +53,7 @@ class IdleWorkerPlugin:
             self._own.release()
 
     def _help(self) -> None:
-        wanted = _OpenRequests(self._folder, self._scopes)
+        wanted = OpenRequests(self._folder, self._scopes)
         try:
             while not self._stop.exists() and self._others_are_busy():
                 self._campaign.scheduler.assist(wanted.requests())
@@ -69,39 +70,39 @@ class IdleWorkerPlugin:
         return False
 
 
-class _OpenRequests:
+class OpenRequests:
     """The requests of the workers of a run that are not answered yet, read from their journals."""
 
     def __init__(self, folder: Path, scopes: Scopes) -> None:
         self._journals = JournalReader(folder)
         self._scopes = scopes
-        self._open: list[tuple[Asked, list[EpisodeRequest]]] = []
+        self._open: list[tuple[EpisodesNeeded, list[EpisodeRequest]]] = []
 
     def requests(self) -> Iterator[EpisodeRequest]:
         """Yield them in the order in which they are read, one test after the other. Raises `UsageError`."""
         for event in self._journals.read():
-            if isinstance(event, Asked):  # clean episodes are asked for alone first, then named by what needs them
-                self._open = [(asked, requests) for asked, requests in self._open if asked.keys != event.clean_keys]
+            if isinstance(event, EpisodesNeeded):  # clean episodes come alone first, then named by what needs them
+                self._open = [(needed, requests) for needed, requests in self._open if needed.keys != event.clean_keys]
                 self._open.append((event, self._in_order(event)))
             elif isinstance(event, (Used, Spared)):
                 done = frozenset(event.keys)
                 self._open = [
-                    (asked, [request for request in left if request.key not in done]) for asked, left in self._open
+                    (needed, [request for request in left if request.key not in done]) for needed, left in self._open
                 ]
             elif isinstance(event, Judged):
                 over = (event.agent, event.routes_spec, event.setting, event.seeds)
                 self._open = [
-                    (asked, left)
-                    for asked, left in self._open
-                    if (asked.agent, asked.routes_spec, asked.setting, asked.seeds) != over
+                    (needed, left)
+                    for needed, left in self._open
+                    if (needed.agent, needed.routes_spec, needed.setting, needed.seeds) != over
                 ]
-        self._open = [(asked, left) for asked, left in self._open if left]
+        self._open = [(needed, left) for needed, left in self._open if left]
         return (request for _, left in self._open for request in left)
 
-    def _in_order(self, asked: Asked) -> list[EpisodeRequest]:
-        scope = self._scopes.of(MarkerOptions(agent=asked.agent, routes=asked.routes_spec, seeds=asked.seeds))
-        need = scope.need(self._scopes.setting(asked.setting), clean=bool(asked.clean_keys))
-        wanted = frozenset((*asked.keys, *asked.clean_keys))
+    def _in_order(self, needed: EpisodesNeeded) -> list[EpisodeRequest]:
+        scope = self._scopes.of(MarkerOptions(agent=needed.agent, routes=needed.routes_spec, seeds=needed.seeds))
+        need = scope.need(self._scopes.setting(needed.setting), clean=bool(needed.clean_keys))
+        wanted = frozenset((*needed.keys, *needed.clean_keys))
         return [
             request for route in routes_in_order(scope, need) for request in route.requests if request.key in wanted
         ]

@@ -23,8 +23,8 @@ from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import counted, interval_text, legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
-from pytest_drive_robust.runner.record import searched
 from pytest_drive_robust.runner.scopes import Scopes
+from pytest_drive_robust.runner.verdict_events import searched
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement

@@ -12,7 +12,7 @@ from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executors import Executor
-from pytest_drive_robust.runner.plan import EpisodeRequest, Reading
+from pytest_drive_robust.runner.plan import EpisodeRequest, VerdictPlan
 from pytest_drive_robust.store.base import EpisodeStore
 
 
@@ -26,15 +26,15 @@ def check_plan_alone(config: pytest.Config) -> None:
 class PlanPlugin:
     """Shows the plan in place of running tests.
 
-    `requests` are the episodes of the selected tests by key, `readings` what their verdicts read; both are filled by
-    their collection. `executor` is the one that a run would drive with.
+    `requests` are the episodes of the selected tests by key, `verdict_plans` what their verdicts read; their collection
+    fills both. `executor` is the one that a run would drive with.
     """
 
     config: pytest.Config
     campaign: Campaign
     store: EpisodeStore
     requests: Mapping[str, EpisodeRequest]
-    readings: Sequence[Reading]
+    verdict_plans: Sequence[VerdictPlan]
     executor: Executor
 
     @pytest.hookimpl(tryfirst=True)
@@ -49,7 +49,7 @@ class PlanPlugin:
                 likely=likely,
                 possible=possible,
                 slots=self.executor.slots,
-                together=getattr(self.executor, "together", lambda agent: 1),
+                together=self.executor.together,
                 colour=reporter.hasmarkup,
             )
             reporter.section("drive-robust plan")
@@ -60,8 +60,8 @@ class PlanPlugin:
         """Return the keys of the episodes that the verdicts probably take, and that they take at most."""
         likely: set[str] = set()
         possible: set[str] = set()
-        for reading in self.readings:
-            few, most = self.campaign.outlook(reading)
-            likely.update(request.key for request in reading.requests(0, few))
-            possible.update(request.key for request in reading.requests(0, most))
+        for plan in self.verdict_plans:
+            few, most = self.campaign.outlook(plan)
+            likely.update(request.key for request in plan.requests(0, few))
+            possible.update(request.key for request in plan.requests(0, most))
         return likely, possible

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Comparison, Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Mismatch
 from pytest_drive_robust.regression.options import RegressionOptions
-from pytest_drive_robust.regression.outcome import Comparison, Terms
 from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers

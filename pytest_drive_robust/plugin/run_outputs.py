@@ -114,7 +114,7 @@ class RunOutputs:
     def _write_pages(self, folder: Path, run: RunResult) -> None:
         from pytest_drive_robust.registry.registry import default_registry
         from pytest_drive_robust.report.pages.folder import write_pages  # loads jinja2
-        from pytest_drive_robust.report.pages.records import RunRecords
+        from pytest_drive_robust.report.run_records import RunRecords
 
         registry, checks = default_registry(), self._checks
         document, other = run_as_json(run), checks.document_before

@@ -18,8 +18,10 @@ import pytest
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.report.progress import Progress
-from pytest_drive_robust.store.base import EpisodeStore, open_store
-from pytest_drive_robust.store.events import Advised, Event, JournalReader, JournalWriter
+from pytest_drive_robust.store.base import EpisodeStore
+from pytest_drive_robust.store.events import Advised, Event
+from pytest_drive_robust.store.journal import JournalReader, JournalWriter
+from pytest_drive_robust.store.opening import open_store
 
 STOP = "stop"
 """The file that tells workers without tests that the run is ending: all is done, or it was interrupted."""

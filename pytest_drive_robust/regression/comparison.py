@@ -8,8 +8,8 @@ from statistics import fmean
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
-from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
 from pytest_drive_robust.runner.plan import planned_order

@@ -117,6 +117,11 @@ def run_file(runs: StoredRuns, reference: str) -> Path:
     return runs.find(reference)
 
 
+def read_run_document(reference: str) -> dict[str, Any]:
+    """Read a stored run of the project around the current folder, `"latest"` or a JSON file. Raises `UsageError`."""
+    return read_document(run_file(StoredRuns(home_of(Path.cwd())), reference))
+
+
 BASELINES = Path("suites", "baselines")
 """Where baselines are, below the home of a project."""
 _BASELINE = "baseline"

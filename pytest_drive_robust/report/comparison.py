@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Finding, Flip
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.regression.verdicts import Rise
 from pytest_drive_robust.report.failure import replay_command

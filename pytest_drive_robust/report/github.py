@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from pytest_drive_robust.perturbations.readings import READINGS
-from pytest_drive_robust.regression.outcome import CellComparison, Comparison
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.numbers import ends_text, legible, shown
 from pytest_drive_robust.report.run_result import RunResult

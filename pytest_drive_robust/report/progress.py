@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, TextIO
 
 from pytest_drive_robust.report.numbers import left_text
 from pytest_drive_robust.report.time_left import EpisodeCosts, LikelyEpisodes, Pace
-from pytest_drive_robust.store.events import Asked, Compiling, Event, Finished, Planned, Reused, Spared, Started
+from pytest_drive_robust.store.events import (
+    Compiling,
+    EpisodesNeeded,
+    Event,
+    Finished,
+    Planned,
+    Reused,
+    Spared,
+    Started,
+)
 
 if TYPE_CHECKING:
     from rich.live import Live
@@ -34,7 +43,7 @@ class ProgressState:
         self._finished: set[str] = set()
         self._driven = 0
         self._spared: set[str] = set()
-        self._open: list[Asked] = []
+        self._open: list[EpisodesNeeded] = []
         self._running: dict[str, Started] = {}
         self._likely = LikelyEpisodes()
         self._costs = EpisodeCosts()
@@ -42,16 +51,16 @@ class ProgressState:
         self._left: frozenset[str] | None = None
         self._compiling: Compiling | None = None
 
-    def see(self, event: Event) -> list[Asked]:
+    def see(self, event: Event) -> list[EpisodesNeeded]:
         """Take in an event. Returns the settings that it completed."""
         self._left = None
         for part in (self._likely, self._costs, self._pace):
             part.see(event)
-        if isinstance(event, Planned) or (isinstance(event, Asked) and not self._likely.covers(event)):
+        if isinstance(event, Planned) or (isinstance(event, EpisodesNeeded) and not self._likely.covers(event)):
             self._keys.update(event.keys)
-        if isinstance(event, Asked) and event not in self._open and not self._finished.issuperset(event.keys):
+        if isinstance(event, EpisodesNeeded) and event not in self._open and not self._finished.issuperset(event.keys):
             self._open.append(event)
-        if isinstance(event, Asked):
+        if isinstance(event, EpisodesNeeded):
             self._spared.difference_update(event.keys)
         if isinstance(event, Spared):
             self._spared.update(event.keys)
@@ -64,10 +73,10 @@ class ProgressState:
             self._driven += 1
         if isinstance(event, (Compiling, Finished)):  # where episodes end, nothing waits for a compiler
             self._compiling = event if isinstance(event, Compiling) and event.done < event.total else None
-        if not isinstance(event, (Asked, Finished, Reused, Spared)):
+        if not isinstance(event, (EpisodesNeeded, Finished, Reused, Spared)):
             return []
-        completed = [asked for asked in self._open if all(map(self._is_over, asked.keys))]
-        self._open = [asked for asked in self._open if asked not in completed]
+        completed = [needed for needed in self._open if all(map(self._is_over, needed.keys))]
+        self._open = [needed for needed in self._open if needed not in completed]
         return completed
 
     @property
@@ -161,9 +170,9 @@ class PlainProgress(Progress):
 
     def see(self, event: Event) -> None:
         """Take in an event and perhaps write a line."""
-        for asked in self._state.see(event)[-1:]:  # the clean twins come first
+        for needed in self._state.see(event)[-1:]:  # the clean twins come first
             if self._clock() - self._written_s >= _PLAIN_S:
-                self._write(f"{asked.agent} under {asked.setting} done, {self._state.counts()}")
+                self._write(f"{needed.agent} under {needed.setting} done, {self._state.counts()}")
 
     def refresh(self) -> None:
         """Write a sign of life when the last line is old."""

@@ -16,9 +16,9 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
-from pytest_drive_robust.stats.several import late_fails
+from pytest_drive_robust.stats.multiple_verdicts import late_fails
 from pytest_drive_robust.store.events import (
-    Asked,
+    EpisodesNeeded,
     Event,
     Finished,
     Identified,
@@ -26,7 +26,7 @@ from pytest_drive_robust.store.events import (
     Planned,
     Searched,
     Spared,
-    Troubled,
+    StoreTroubled,
     Used,
 )
 
@@ -109,10 +109,10 @@ class RunResult:
         notes: tuple[str, ...] = (),
     ) -> RunResult:
         """Put together what the events tell; `find` gives the finished episode of a key, or None."""
-        asked = _merged(event for event in events if isinstance(event, Asked))
-        scopes = _scopes(event for event in events if isinstance(event, Asked))
+        needed = _merged(event for event in events if isinstance(event, EpisodesNeeded))
+        scopes = _scopes(event for event in events if isinstance(event, EpisodesNeeded))
         order = {key: place for place, key in enumerate(_needed_keys(events))}
-        asked.sort(key=lambda item: (item.agent, order[item.keys[0]]))
+        needed.sort(key=lambda item: (item.agent, order[item.keys[0]]))
         spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
         used = {key for event in events if isinstance(event, Used) for key in event.keys}
         episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
@@ -128,12 +128,12 @@ class RunResult:
                     spared,
                     options=options,
                 )
-                for item in asked
+                for item in needed
             ),
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_versions_told(episodes.values())},
-            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, Troubled))),
+            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, StoreTroubled))),
             identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
             searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
             late=late,
@@ -177,7 +177,10 @@ def mixed_machines(run: RunResult) -> list[str]:
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
-    """Return what was judged, and which of it fails only now that all p-values are known (see `stats.several`)."""
+    """Return what was judged, and which of it fails only now that all p-values are known.
+
+    See `stats.multiple_verdicts`.
+    """
     known = [(place, item.p_value) for place, item in enumerate(judged) if item.p_value is not None]
     if options.correction == "none" or not known:
         return judged, ()
@@ -191,19 +194,19 @@ def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged],
     return [late.get(place, item) for place, item in enumerate(judged)], tuple(late.values())
 
 
-def _merged(asked: Iterable[Asked]) -> list[Asked]:
+def _merged(needed: Iterable[EpisodesNeeded]) -> list[EpisodesNeeded]:
     """Return each setting once, though several tests asked for it, with its clean twins when one of them compared."""
-    found: dict[tuple[str, ...], Asked] = {}
-    for item in asked:
+    found: dict[tuple[str, ...], EpisodesNeeded] = {}
+    for item in needed:
         if item.keys not in found or item.clean_keys:
             found[item.keys] = item
     return list(found.values())
 
 
-def _scopes(asked: Iterable[Asked]) -> dict[tuple[str, ...], set[_Scope]]:
+def _scopes(needed: Iterable[EpisodesNeeded]) -> dict[tuple[str, ...], set[_Scope]]:
     """Return what requirements on the same episodes may be called: two specifications may name the same routes."""
     found: dict[tuple[str, ...], set[_Scope]] = {}
-    for item in asked:
+    for item in needed:
         found.setdefault(item.keys, set()).add(_scope_of(item))
     return found
 
@@ -211,40 +214,40 @@ def _scopes(asked: Iterable[Asked]) -> dict[tuple[str, ...], set[_Scope]]:
 def _needed_keys(events: Sequence[Event]) -> list[str]:
     """Return keys in the order of the plan, then of asking: the same however many workers took part."""
     planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
-    asked = (key for event in events if isinstance(event, Asked) for key in (*event.clean_keys, *event.keys))
-    return list(dict.fromkeys((*planned, *asked)))
+    needed = (key for event in events if isinstance(event, EpisodesNeeded) for key in (*event.clean_keys, *event.keys))
+    return list(dict.fromkeys((*planned, *needed)))
 
 
 def _row(
-    asked: Asked,
+    needed: EpisodesNeeded,
     episodes: Mapping[str, EpisodeResult],
     judged: Sequence[Judged],
     spared: set[str],
     *,
     options: RunOptions,
 ) -> SettingRow:
-    results = tuple(episodes[key] for key in asked.keys if key in episodes)
+    results = tuple(episodes[key] for key in needed.keys if key in episodes)
     summary, problem = None, ""
     try:
         summary = summarize(results, mode=options.metrics)
     except ComparisonError as error:
         problem = str(error)
-    partial = summary is not None and any(key in spared and key not in episodes for key in asked.keys)
+    partial = summary is not None and any(key in spared and key not in episodes for key in needed.keys)
     rule = options.verdict_rule
-    pairs = _scores_in_pairs(asked, episodes, spared, clean_floor=rule.clean_floor)
+    pairs = _scores_in_pairs(needed, episodes, spared, clean_floor=rule.clean_floor)
     return SettingRow(
-        agent=asked.agent,
-        routes_spec=asked.routes_spec,
-        setting=asked.setting,
-        seeds=asked.seeds,
-        needed=sum(key in episodes or key not in spared for key in asked.keys),
+        agent=needed.agent,
+        routes_spec=needed.routes_spec,
+        setting=needed.setting,
+        seeds=needed.seeds,
+        needed=sum(key in episodes or key not in spared for key in needed.keys),
         results=results,
         summary=summary,
         rd=None if pairs is None else 1.0 - mean(pairs[1]) / mean(pairs[0]),
         verdict=_worst(item.verdict for item in judged),
         judged={item.metric: item.value for item in judged},
         problem=problem,
-        planned=len(asked.keys) // max(1, len(asked.seeds)),
+        planned=len(needed.keys) // max(1, len(needed.seeds)),
         ds_interval=_ds_interval(results, rule.alpha) if partial else None,
         rd_interval=evidence_interval(*pairs, rule.alpha) if partial and pairs is not None else None,
     )
@@ -256,17 +259,17 @@ def _ds_interval(results: Sequence[EpisodeResult], alpha: float) -> Interval:
 
 
 def _scores_in_pairs(
-    asked: Asked, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float
+    needed: EpisodesNeeded, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float
 ) -> tuple[list[float], list[float]] | None:
     """Return the clean and the perturbed scores of the routes that were driven in both ways.
 
     None when one is missing that nobody spared, and where the clean score is too low to lose anything.
     """
-    if any(key not in episodes and key not in spared for key in (*asked.clean_keys, *asked.keys)):
+    if any(key not in episodes and key not in spared for key in (*needed.clean_keys, *needed.keys)):
         return None
     pairs = [
         (episodes[clean], episodes[perturbed])
-        for clean, perturbed in zip(asked.clean_keys, asked.keys, strict=False)
+        for clean, perturbed in zip(needed.clean_keys, needed.keys, strict=False)
         if clean in episodes and perturbed in episodes
     ]
     if not pairs:
@@ -278,7 +281,7 @@ def _scores_in_pairs(
     return None if mean(clean) < clean_floor else (clean, perturbed)
 
 
-def _scope_of(event: Judged | Asked) -> _Scope:
+def _scope_of(event: Judged | EpisodesNeeded) -> _Scope:
     return event.agent, event.routes_spec, event.setting, event.seeds
 
 

@@ -11,7 +11,7 @@ from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown
 from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
-from pytest_drive_robust.stats.several import any_wrong
+from pytest_drive_robust.stats.multiple_verdicts import any_wrong
 from pytest_drive_robust.verdict.evaluate import immunity
 
 _MAX_ERRORS = 10

@@ -1,10 +1,10 @@
 """How much is left of a run: which episodes its verdicts probably take, what each costs, how fast they are driven.
 
 A verdict from evidence stops early, so nobody knows beforehand how many episodes there will be. For a verdict that is
-being read its judge says how many routes it probably takes (`Read`); for one that is not, its limit does, and whether
-the verdicts of this run took more or fewer than that. An episode costs what those of its agent under its setting
-cost. Seconds of episodes become seconds of the clock by the slots in use; what an
-episode waited for before it began, such as a compiler, is not counted.
+being read its judge says how many routes it probably takes (`RoutesRead`); for one that is not, its limit does, and
+whether the verdicts of this run took more or fewer than that. An episode costs what those of its agent under its
+setting cost. Seconds of episodes become seconds of the clock by the slots in use; what an episode waited for before it
+began, such as a compiler, is not counted.
 """
 
 from __future__ import annotations
@@ -14,7 +14,16 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from statistics import fmean
 
-from pytest_drive_robust.store.events import Asked, Awaited, Event, Finished, Judged, Read, Reused, Started
+from pytest_drive_robust.store.events import (
+    EpisodesNeeded,
+    Event,
+    Finished,
+    Judged,
+    Reused,
+    RoutesRead,
+    Started,
+    VerdictPlanned,
+)
 
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
@@ -32,7 +41,7 @@ class LikelyEpisodes:
     """Which episodes the requirements of the selected tests probably take, by key."""
 
     def __init__(self) -> None:
-        self._open: dict[_Ident, Awaited] = {}
+        self._open: dict[_Ident, VerdictPlanned] = {}
         self._likely: dict[_Ident, int] = {}
         self.read_keys: set[str] = set()
         self._settings: set[tuple[str, str, tuple[int, ...], str]] = set()
@@ -40,21 +49,21 @@ class LikelyEpisodes:
 
     def see(self, event: Event) -> None:
         """Take in an event."""
-        if isinstance(event, Awaited):
+        if isinstance(event, VerdictPlanned):
             self._open.setdefault(_ident(event), event)
             self.read_keys.update(event.keys, event.clean_keys)
             place = (event.agent, event.routes_spec, event.seeds)
             self._settings.update({(*place, event.setting), (*place, event.clean)})
-        elif isinstance(event, Read):
+        elif isinstance(event, RoutesRead):
             self._likely[_ident(event)] = event.likely
         elif isinstance(event, Judged):
             item = self._open.pop(_ident(event), None)
             if item is not None and item.rule != "point" and event.routes:
                 self._taken.append(event.routes / max(1, item.likely))
 
-    def covers(self, asked: Asked) -> bool:
+    def covers(self, needed: EpisodesNeeded) -> bool:
         """Return True where a requirement is known to read episodes under this setting, so that it says how many."""
-        return (asked.agent, asked.routes_spec, asked.seeds, asked.setting) in self._settings
+        return (needed.agent, needed.routes_spec, needed.seeds, needed.setting) in self._settings
 
     @property
     def sure(self) -> bool:
@@ -70,7 +79,7 @@ class LikelyEpisodes:
             likely.update(item.clean_keys[:count])
         return likely
 
-    def _likely_of(self, ident: _Ident, item: Awaited) -> int:
+    def _likely_of(self, ident: _Ident, item: VerdictPlanned) -> int:
         planned = len(item.keys) // max(1, len(item.seeds))
         if item.rule == "point":
             return planned
@@ -93,7 +102,7 @@ class EpisodeCosts:
 
     def see(self, event: Event) -> None:
         """Take in an event."""
-        if isinstance(event, Awaited):
+        if isinstance(event, VerdictPlanned):
             self._kinds.update(dict.fromkeys(event.keys, (event.agent, event.setting)))
             self._kinds.update(dict.fromkeys(event.clean_keys, (event.agent, event.clean)))
             self._baselines.add(event.clean or _CLEAN)
@@ -151,7 +160,7 @@ class Pace:
         }
 
 
-def _ident(event: Awaited | Read | Judged) -> _Ident:
+def _ident(event: VerdictPlanned | RoutesRead | Judged) -> _Ident:
     return event.requirement, event.agent, event.routes_spec, event.seeds
 
 

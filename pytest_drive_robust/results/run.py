@@ -13,7 +13,7 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.results.tables import columns_of
 from pytest_drive_robust.store.events import Judged
 
@@ -81,11 +81,11 @@ class Run:
 
     def twin(self, result: EpisodeResult) -> EpisodeResult | None:
         """Return the clean episode of the same agent, route and seed; None for a clean one and where there is none."""
-        return self.records.twin(_ident(result))
+        return self.records.twin(result.episode)
 
     def key(self, result: EpisodeResult) -> str:
         """Return the name of an episode in the store."""
-        return self.records.keys[_ident(result)]
+        return self.records.keys[result.episode]
 
     def frame(self, table: str = "episodes", *, library: str | None = None) -> Any:
         """Return `"episodes"`, `"ticks"`, `"infractions"` or `"requirements"` as a data frame.
@@ -101,8 +101,3 @@ class Run:
                 return import_module(name).DataFrame(columns)
         missing = library or "neither pandas nor polars"
         raise UsageError(f"{missing} is not installed: pip install {library or _LIBRARIES[0]}.")
-
-
-def _ident(result: EpisodeResult) -> Ident:
-    episode = result.episode
-    return episode.agent, episode.setting, episode.route_id, episode.seed

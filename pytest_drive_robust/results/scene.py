@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.result import Given
 from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.report.numbers import legible
-from pytest_drive_robust.report.pages.road_map import RoadMaps, map_data
+from pytest_drive_robust.report.road_map import RoadMaps, map_data
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M
 from pytest_drive_robust.verdict.explain import describe_outcome
 

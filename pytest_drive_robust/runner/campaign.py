@@ -11,12 +11,12 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.executors import Executor
-from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope, first_of_each_agent
-from pytest_drive_robust.runner.record import asked, awaited, judged, not_judged
+from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan, first_of_each_agent
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
+from pytest_drive_robust.runner.verdict_events import episodes_needed, judged, not_judged, verdict_planned
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.store.base import EpisodeStore
-from pytest_drive_robust.store.events import Planned, Read, Spared, Troubled, Used
+from pytest_drive_robust.store.events import Planned, RoutesRead, Spared, StoreTroubled, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -72,24 +72,24 @@ class Campaign:
         self.scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
 
     def planned(
-        self, requests: Mapping[str, EpisodeRequest], readings: Sequence[Reading], *, shared: bool = False
+        self, requests: Mapping[str, EpisodeRequest], verdict_plans: Sequence[VerdictPlan], *, shared: bool = False
     ) -> None:
         """Note what the selected tests are known to need, so that the observer can say how much is left.
 
-        Idle slots may begin with what the `readings` probably take, in their order, but first of all with a few
+        Idle slots may begin with what the `verdict_plans` probably take, in their order, but first of all with a few
         episodes of each agent, so that the observer knows early what the episodes of each take. Where other processes
         run some of the tests (`shared`), idle slots begin only with what is needed whatever the verdicts there are:
         the episodes of values over all routes.
         """
         self.observer(Planned(tuple(requests)))
-        readings = [replace(reading, kind="point") for reading in readings] if self._whole else readings
-        for reading in readings:
-            self.observer(awaited(reading))
+        verdict_plans = [replace(plan, kind="point") for plan in verdict_plans] if self._whole else verdict_plans
+        for plan in verdict_plans:
+            self.observer(verdict_planned(plan))
         if shared:
-            readings = [reading for reading in readings if reading.kind == "point"]
+            verdict_plans = [plan for plan in verdict_plans if plan.kind == "point"]
         else:
-            self._first = first_of_each_agent(readings)
-        self.scheduler.plan(request for reading in readings for request in reading.likely)
+            self._first = first_of_each_agent(verdict_plans)
+        self.scheduler.plan(request for plan in verdict_plans for request in plan.likely)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
         """Return every episode of `scope` under `setting`, routes within seeds."""
@@ -98,17 +98,17 @@ class Campaign:
             self._ensure_all(need, begun)
         return self._use(need.perturbed)
 
-    def outlook(self, reading: Reading) -> tuple[int, int]:
+    def outlook(self, plan: VerdictPlan) -> tuple[int, int]:
         """Return how many routes the verdict probably takes, and at most, by what is stored; drive nothing."""
-        planned = len(reading.routes)
-        if reading.kind == "point" or self._whole:
+        planned = len(plan.routes)
+        if plan.kind == "point" or self._whole:
             return planned, planned
-        judge = reading.judge()
-        for number, route in enumerate(reading.routes):
+        judge = plan.judge()
+        for number, route in enumerate(plan.routes):
             if any(self._store.get(request.key) is None for request in route.requests):
                 return min(planned, number + max(1, judge.likely_left(planned))), planned
             try:
-                score = self._score(reading, route)
+                score = self._score(plan, route)
             except ComparisonError:  # an error is a verdict, too: nothing is read after it
                 return number + 1, number + 1
             if score is not None and judge.read(*score) is not None:
@@ -131,15 +131,15 @@ class Campaign:
 
     def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None) -> Judgement:
         """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
-        reading = scope.reading(requirement, verdict_rule)
-        used = reading.need
+        plan = scope.verdict_plan(requirement, verdict_rule)
+        used = plan.need
         decision = planned = None
-        with self._answering(scope, requirement.setting, reading.need) as begun:
-            if reading.kind == "point":
-                self._ensure_all(reading.need, begun)
+        with self._answering(scope, requirement.setting, plan.need) as begun:
+            if plan.kind == "point":
+                self._ensure_all(plan.need, begun)
             else:
-                decision, count = self._read_routes(reading, begun)
-                used, planned = RouteRequests.joined(reading.routes[:count]), len(reading.routes)
+                decision, count = self._read_routes(plan, begun)
+                used, planned = RouteRequests.joined(plan.routes[:count]), len(plan.routes)
         clean, perturbed = self._use(used.clean), self._use(used.perturbed)
         verdict = evaluate(
             requirement,
@@ -168,11 +168,11 @@ class Campaign:
         begun += need.requests
         self.scheduler.ensure(sorted(need.requests, key=self.scheduler.expected_s, reverse=True))
 
-    def _read_routes(self, reading: Reading, begun: list[EpisodeRequest]) -> tuple[str, int]:
+    def _read_routes(self, plan: VerdictPlan, begun: list[EpisodeRequest]) -> tuple[str, int]:
         """Return the verdict and how many routes it was read from; deal with the episodes that it did without."""
-        judge = reading.judge()
-        decision, count = read_until_decided(judge, self._scores(reading, judge, begun))
-        rest = reading.requests(count)
+        judge = plan.judge()
+        decision, count = read_until_decided(judge, self._scores(plan, judge, begun))
+        rest = plan.requests(count)
         if self._whole:
             self.scheduler.ensure(rest)
             self.observer(Used(tuple(request.key for request in rest)))
@@ -182,23 +182,23 @@ class Campaign:
         return decision, count
 
     def _scores(
-        self, reading: Reading, judge: Judge, begun: list[EpisodeRequest]
+        self, plan: VerdictPlan, judge: Judge, begun: list[EpisodeRequest]
     ) -> Iterator[tuple[float, float] | None]:
         """Yield the scores of one route after the other, while free slots drive what `judge` probably reads next."""
-        planned = len(reading.routes)
-        for number, route in enumerate(reading.routes):
+        planned = len(plan.routes)
+        for number, route in enumerate(plan.routes):
             begun += route.requests
             likely = planned if self._whole else number + max(1, judge.likely_left(planned))
-            named = {**reading.scope.named, "requirement": str(reading.requirement)}
-            self.observer(Read(**named, routes=number, likely=likely))
-            ahead, self._first = (*self._first, *reading.requests(number + 1, likely)), ()
-            self.scheduler.ensure(route.requests, ahead, reading.requests(likely))
-            yield self._score(reading, route)
+            named = {**plan.scope.named, "requirement": str(plan.requirement)}
+            self.observer(RoutesRead(**named, routes=number, likely=likely))
+            ahead, self._first = (*self._first, *plan.requests(number + 1, likely)), ()
+            self.scheduler.ensure(route.requests, ahead, plan.requests(likely))
+            yield self._score(plan, route)
 
-    def _score(self, reading: Reading, route: RouteRequests) -> tuple[float, float] | None:
+    def _score(self, plan: VerdictPlan, route: RouteRequests) -> tuple[float, float] | None:
         """Return what a judge reads of a route whose episodes are stored, None where they hold no data."""
         clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
-        return reading.requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
+        return plan.requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
         """Return the results of these requests, which the run now rests on."""
@@ -221,7 +221,7 @@ class Campaign:
         run all the same: an error or an interrupt is to be read beside what led to it.
         """
         begun: list[EpisodeRequest] = []
-        for event in asked(scope, setting, need):
+        for event in episodes_needed(scope, setting, need):
             self.observer(event)
         try:
             yield begun
@@ -233,4 +233,4 @@ class Campaign:
             for problem in self._store.problems():
                 if problem not in self._told:
                     self._told.add(problem)
-                    self.observer(Troubled(problem))
+                    self.observer(StoreTroubled(problem))

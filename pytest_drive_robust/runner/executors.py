@@ -1,10 +1,11 @@
-"""Who turns requests into finished episodes: the protocol, and the executor of this machine, here or in processes."""
+"""Who turns requests into finished episodes: the base class, and the executor of this machine, here or in processes."""
 
 from __future__ import annotations
 
 import functools
 import threading
 import typing
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -24,26 +25,48 @@ _MOST_WORDS = 2000
 _MOST_EPISODES = 5
 
 
-class Executor(Protocol):
-    """Drives episodes, at most `slots` at a time.
+class Executor(ABC):
+    """Drives episodes, at most `slots` at a time."""
 
-    An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of a future are
-    `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off. One
-    that drives in the thread of its caller has a `work()`: it is called again and again while somebody waits, and
-    returns when something has ended or nothing is left. One whose episodes may wait for a compiler says in `compiling`
-    how many functions are compiled, of how many, and in `drives(agent)` whether an agent need not wait for it. One that
-    drives in lockstep says in `together(agent)` how many episodes of an agent share a driver.
+    work: Callable[[], object] | None = None
+    """Drives in the thread of its caller until something has ended or nothing is left; None where others drive.
+
+    It is called again and again while somebody waits.
     """
 
     @property
+    @abstractmethod
     def slots(self) -> int:
         """Return how many episodes it can drive at this moment."""
 
+    @abstractmethod
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Begin an episode. The caller keeps to `slots`."""
+        """Begin an episode. The caller keeps to `slots`.
 
+        An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of the future are
+        `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
+        """
+
+    @abstractmethod
     def close(self) -> None:
         """Free simulators, agents and processes; what is under way has no result. Calling it twice does no harm."""
+
+    @property
+    def compiling(self) -> tuple[int, int]:
+        """Return how many functions are compiled, of how many that episodes may wait for."""
+        return 0, 0
+
+    def drives(self, agent: str) -> bool:
+        """Return whether an agent need not wait for a compiler."""
+        return True
+
+    def together(self, agent: str) -> int:
+        """Return how many episodes of an agent share a driver, and its time: more than one in lockstep."""
+        return 1
+
+    def last_words(self) -> tuple[tuple[str, str], ...]:
+        """Return (episode, what it printed at its end) of the first episodes that broke since this was asked last."""
+        return ()
 
 
 class Driver(Protocol):
@@ -69,7 +92,7 @@ class Driver(Protocol):
         """Free worlds, agents and processes."""
 
 
-class LocalExecutor:
+class LocalExecutor(Executor):
     """Has drivers take what waits: an episode, or with a `width` a batch of up to so many of an agent that `shares`.
 
     With `threads` there are so many drivers, each in a thread of its own; without there is one, which works in `work`.
@@ -108,7 +131,7 @@ class LocalExecutor:
         return self._workers * self._width - (self._width - 1) * len(self._singles)
 
     def together(self, agent: str) -> int:
-        """Return how many episodes of this agent share a driver, and its time."""
+        """Return the width of batches for an agent that shares them, else 1."""
         return self._width if self._width > 1 and self._shares(agent) else 1
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:

@@ -69,12 +69,12 @@ class Scope:
             for request in self.need(requirement.setting, clean=requirement.needs_clean).requests
         }
 
-    def reading(self, requirement: Requirement, verdict_rule: VerdictRule | None) -> Reading:
+    def verdict_plan(self, requirement: Requirement, verdict_rule: VerdictRule | None) -> VerdictPlan:
         """Return what a verdict on `requirement` by `verdict_rule` reads, in planned order; None compares values."""
         need = self.need(requirement.setting, clean=requirement.needs_clean)
         verdict_rule = (verdict_rule or VerdictRule("point")).for_routes(len(self.routes))
         kind = cast("VerdictKind", verdict_rule.kind) if requirement.reads_routes(verdict_rule) else "point"
-        return Reading(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
+        return VerdictPlan(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
 
     @property
     def named(self) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class RouteRequests:
 
 
 @dataclass(frozen=True, slots=True)
-class Reading:
+class VerdictPlan:
     """The routes that a verdict on `requirement` reads one by one, as a judge of this `kind` does."""
 
     requirement: Requirement
@@ -122,7 +122,7 @@ class Reading:
     verdict_rule: VerdictRule
 
     def judge(self) -> Judge:
-        """Return a new judge of this reading."""
+        """Return a new judge of this plan."""
         rule = self.verdict_rule
         forms = self.requirement.linear_forms(rule)
         return judge_by(self.kind, forms, planned=len(self.routes), alpha=rule.alpha, fail_alpha=rule.fail_alpha)
@@ -144,12 +144,12 @@ class Reading:
         return self.requests(0, self.likely_routes)
 
 
-def first_of_each_agent(readings: Iterable[Reading]) -> tuple[EpisodeRequest, ...]:
+def first_of_each_agent(verdict_plans: Iterable[VerdictPlan]) -> tuple[EpisodeRequest, ...]:
     """Return the first episodes of each agent but the first one, which drives at once anyway."""
-    readings = tuple(readings)
-    agents = {reading.scope.agent: reading for reading in reversed(readings)}
-    own = readings[0].scope.agent if readings else ""
-    return tuple(request for agent, reading in agents.items() if agent != own for request in reading.likely[:_FIRST])
+    verdict_plans = tuple(verdict_plans)
+    agents = {plan.scope.agent: plan for plan in reversed(verdict_plans)}
+    own = verdict_plans[0].scope.agent if verdict_plans else ""
+    return tuple(request for agent, plan in agents.items() if agent != own for request in plan.likely[:_FIRST])
 
 
 def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, ...]:

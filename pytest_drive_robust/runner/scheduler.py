@@ -61,9 +61,6 @@ class Scheduler:
         self._store = store
         self._executor = executor
         self._observer = observer
-        self._work: Callable[[], object] | None = getattr(executor, "work", None)
-        self._drives: Callable[[str], bool] = getattr(executor, "drives", lambda agent: True)
-        self._together: Callable[[str], int] = getattr(executor, "together", lambda agent: 1)
         self._budget_s = budget_s
         self._clock = clock
         self._ends_s: float | None = None
@@ -112,7 +109,8 @@ class Scheduler:
                     self._begin(request)
                 self._begin_all(nearer)
                 self._begin_all(deque(self._later.values()))
-                if not self._busy and all(self._drives(request.episode.agent) for request in self._later.values()):
+                drives, later = self._executor.drives, self._later.values()
+                if not self._busy and all(drives(request.episode.agent) for request in later):
                     self._begin_all(farther)  # else it keeps the compiler from its work
             elif not any(request.key in self._under_way for request in missing):
                 raise BudgetSpentError(
@@ -212,7 +210,7 @@ class Scheduler:
         key = request.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:
             return True
-        if not self._drives(request.episode.agent):
+        if not self._executor.drives(request.episode.agent):
             return False
         claim = self._store.claim(key)
         if claim is None:
@@ -225,7 +223,7 @@ class Scheduler:
             return True
         self._later.pop(key, None)
         agent, setting = request.episode.agent, request.episode.setting
-        self._observer(Started(key, agent, setting, request.route.label, self._together(agent)))
+        self._observer(Started(key, agent, setting, request.route.label, self._executor.together(agent)))
         self._tell_compiling()  # before an executor drives, and compiles, in this thread
         try:
             self._under_way[key] = _Drive(request, self._executor.submit(request), claim)
@@ -236,8 +234,8 @@ class Scheduler:
 
     def _wait(self) -> None:
         """Wait until something ended, but not long."""
-        if self._under_way and self._work is not None:
-            self._work()
+        if self._under_way and self._executor.work is not None:
+            self._executor.work()
         elif self._under_way:
             futures = [drive.future for drive in self._under_way.values()]
             wait(futures, timeout=_POLL_S, return_when=FIRST_COMPLETED)
@@ -248,7 +246,7 @@ class Scheduler:
 
     def _tell_compiling(self) -> None:
         """Tell how far the executor has come with compiling, and let it be shown at once, where that changed."""
-        compiling = getattr(self._executor, "compiling", (0, 0))
+        compiling = self._executor.compiling
         if compiling != self._compiling:
             self._compiling = compiling
             self._observer(Compiling(*compiling))

@@ -1,4 +1,4 @@
-"""What each test drives over: the run's settings, changed by the test's marker."""
+"""What each test drives over: the options of the run, changed by the test's marker."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class Scopes:
 
     def __init__(
         self,
-        settings: RunOptions,
+        options: RunOptions,
         registry: Registry,
         load_routes: Callable[[str], tuple[Route, ...]],
         *,
         lockstep: bool = False,
         is_stored: Callable[[str], bool] = lambda key: False,
     ) -> None:
-        self._settings = settings
+        self._options = options
         self._registry = registry
         self._load_routes = load_routes
         self._lockstep = lockstep
@@ -61,12 +61,12 @@ class Scopes:
 
         Raises `UsageError` for unknown agents, lost weights, and routes that are unknown or cannot be driven.
         """
-        agent = marker.agent or self._settings.agent
+        agent = marker.agent or self._options.agent
         identity = self._identity(agent)
         routes_spec = marker.routes or default_spec(
-            self._settings.routes, self._simulator, given=self._settings.routes_given
+            self._options.routes, self._simulator, given=self._options.routes_given
         )
-        routes, seeds = self.routes(routes_spec), marker.seeds or self._settings.seeds
+        routes, seeds = self.routes(routes_spec), marker.seeds or self._options.seeds
         scope = Scope(agent, routes_spec, routes, seeds, identity)
         self._check_routes(scope)
         return scope
@@ -77,7 +77,7 @@ class Scopes:
 
     def check(self) -> None:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
-        self._registry.require("simulators", self._settings.simulator)
+        self._registry.require("simulators", self._options.simulator)
         self.of(MarkerOptions())
 
     def setting(self, sentence: str) -> Setting:
@@ -113,9 +113,9 @@ class Scopes:
             self._identities[agent] = identity_of(
                 agent,
                 self._registry,
-                simulator=self._settings.simulator,
+                simulator=self._options.simulator,
                 world=self._simulator,
-                options=simulator_options(self._settings),
+                options=simulator_options(self._options),
                 mode="lockstep" if together else "single",
             )
         return self._identities[agent]
@@ -143,8 +143,8 @@ class Scopes:
     @cached_property
     def _simulator(self) -> Simulator:
         """Return a world that is asked and never driven."""
-        self._registry.require("simulators", self._settings.simulator)
-        return self._registry.simulator(self._settings.simulator, simulator_options(self._settings))
+        self._registry.require("simulators", self._options.simulator)
+        return self._registry.simulator(self._options.simulator, simulator_options(self._options))
 
 
 def _is_for_its_objects(cls: object, name: str) -> bool:

@@ -1,13 +1,12 @@
 """What happens during a run, as small frozen facts: the one stream that progress and reports read.
 
-One process hands them over directly; workers append them to a file that the controller reads.
+One process hands them over directly; workers append them to a `journal` that the controller reads.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 _KINDS: dict[str, type[Any]] = {}
@@ -51,7 +50,7 @@ class Identified(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Asked(Event):
+class EpisodesNeeded(Event):
     """A test needs these episodes (by key): one agent under one setting over routes x seeds.
 
     `clean_keys` are their clean twins, empty when nobody asked to compare.
@@ -66,7 +65,7 @@ class Asked(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Awaited(Event):
+class VerdictPlanned(Event):
     """A selected test will read these episodes (by key), and may stop early unless `rule` is `"point"`.
 
     `likely` is how many routes it probably takes, as far as one can tell before anything was read.
@@ -87,7 +86,7 @@ class Awaited(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Read(Event):
+class RoutesRead(Event):
     """So many routes were read for a verdict, which probably takes `likely` of them in all."""
 
     requirement: str
@@ -148,7 +147,7 @@ class Reused(Event):
 
 
 @dataclass(frozen=True, slots=True)
-class Troubled(Event):
+class StoreTroubled(Event):
     """Something is wrong with the place that keeps the episodes; the run goes on."""
 
     sentence: str
@@ -218,40 +217,3 @@ def event_from_json(line: str) -> Event:
     kind = _KINDS[fields.pop("event")]
     event: Event = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
     return event
-
-
-class JournalWriter:
-    """Appends the events of one process; each is on disk as soon as it happened, also when the process dies next."""
-
-    def __init__(self, folder: Path, *, name: str) -> None:
-        journals = folder / "journals"
-        journals.mkdir(parents=True, exist_ok=True)
-        self._file = (journals / f"{name}.jsonl").open("ab", buffering=0)
-
-    def __call__(self, event: Event) -> None:
-        """Append one event."""
-        self._file.write(event_to_json(event).encode() + b"\n")
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
-
-class JournalReader:
-    """Reads what all processes of a run have written since the last look."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder / "journals"
-        self._positions: dict[Path, int] = {}
-
-    def read(self) -> list[Event]:
-        """Read new events, in order within each process. A line whose writer died in the middle of it is left out."""
-        events: list[Event] = []
-        for path in sorted(self._folder.glob("*.jsonl")):
-            with path.open("rb") as file:
-                file.seek(self._positions.get(path, 0))
-                fresh = file.read()
-            whole, newline, _ = fresh.rpartition(b"\n")
-            self._positions[path] = self._positions.get(path, 0) + len(whole) + len(newline)
-            events.extend(event_from_json(line) for line in whole.decode().splitlines())
-        return events

@@ -15,7 +15,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.store.base import is_reusable
 from pytest_drive_robust.store.claims import Claim, Claims
 from pytest_drive_robust.store.record import (
     CorruptRecordError,
@@ -25,6 +24,7 @@ from pytest_drive_robust.store.record import (
     encode_episode,
 )
 from pytest_drive_robust.store.record_files import RecordFiles
+from pytest_drive_robust.store.reuse import is_reusable
 
 State = tuple[int, int, int]
 

@@ -94,11 +94,8 @@ def evaluate(
     data for the metric, an `infra_error`, episodes of another agent or setting, a setting that changed nothing, sets
     that do not pair, a clean driving score of 0.
     """
-    metric, baseline = requirement.metric, str(requirement.setting.baseline)
-    _require_episodes_of(agent, [str(requirement.setting)], perturbed)
-    require_touched(requirement.setting, perturbed)
-    if clean:
-        _require_episodes_of(agent, [baseline] if metric.needs_clean else [baseline, str(Setting.CLEAN)], clean)
+    metric = requirement.metric
+    _require_episodes_for(requirement, agent, clean=clean, perturbed=perturbed)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     routes = len({result.episode.route_id for result in perturbed})
     p_value = None
@@ -108,11 +105,11 @@ def evaluate(
         decision = "pass" if requirement.is_met_by(value) else "fail"
     elif verdict_rule.kind == "evidence":
         ended = planned is None or routes >= planned
-        values, references = metric.by_route(perturbed, clean=clean, mode=mode)
-        low, high = _interval_after_reading(metric, values, references, verdict_rule.alpha, ended=ended)
-        p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
+        by_route = metric.by_route(perturbed, clean=clean, mode=mode)
+        (low, high), p_value = _after_reading(requirement, verdict_rule, *by_route, ended=ended)
     reason = _below_floor(metric, clean, verdict_rule)
     decision = "inconclusive" if reason and decision == "pass" else decision
+    yardstick = None if decision == "pass" else _yardstick(requirement, mode)
     return Verdict(
         requirement=requirement,
         agent=agent,
@@ -128,12 +125,7 @@ def evaluate(
         seeds=len({result.episode.seed for result in perturbed}),
         clean=summarize(clean, mode=mode) if clean else None,
         perturbed=summarize(perturbed, mode=mode),
-        worst=worst_routes(
-            clean,
-            perturbed,
-            relative=metric.needs_clean,
-            yardstick=None if decision == "pass" else _yardstick(requirement, mode),
-        ),
+        worst=worst_routes(clean, perturbed, relative=metric.needs_clean, yardstick=yardstick),
         p_value=p_value,
     )
 
@@ -153,13 +145,20 @@ def _yardstick(requirement: Requirement, mode: str) -> Yardstick | None:
     return Yardstick(value, requirement.limit, is_upper=requirement.comparison == "<=")
 
 
-def _interval_after_reading(
-    metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float, *, ended: bool
-) -> tuple[float, float]:
-    """Return the interval that holds although reading may have stopped early."""
+def _after_reading(
+    requirement: Requirement,
+    verdict_rule: VerdictRule,
+    values: Sequence[float],
+    references: Sequence[float],
+    *,
+    ended: bool,
+) -> tuple[tuple[float, float], float]:
+    """Return the interval and the p-value that hold although reading may have stopped early."""
+    p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
+    metric, alpha = requirement.metric, verdict_rule.alpha
     if metric.needs_clean:
-        return evidence_interval(references, values, alpha, ended=ended)
-    return mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
+        return evidence_interval(references, values, alpha, ended=ended), p_value
+    return mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended), p_value
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
@@ -230,6 +229,18 @@ def _interval(
         return bounds
     known = [other for other in without if other is not None]
     return jackknife_interval(value, known, bounds=bounds) if len(known) == len(without) else bounds
+
+
+def _require_episodes_for(
+    requirement: Requirement, agent: str, *, clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]
+) -> None:
+    """Raise `ComparisonError` unless these are episodes of the agent that the requirement is about."""
+    setting, baseline = requirement.setting, str(requirement.setting.baseline)
+    _require_episodes_of(agent, [str(setting)], perturbed)
+    require_touched(setting, perturbed)
+    if clean:
+        known = [baseline] if requirement.metric.needs_clean else [baseline, str(Setting.CLEAN)]
+        _require_episodes_of(agent, known, clean)
 
 
 def _require_episodes_of(agent: str, settings: Sequence[str], results: Sequence[EpisodeResult]) -> None:

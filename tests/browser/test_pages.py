@@ -20,15 +20,15 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import write_pages
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.routes import resolve_routes
-from pytest_drive_robust.store.events import Asked, Judged, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
 
 pytestmark = pytest.mark.slow
 
@@ -195,8 +195,10 @@ def clean_run(*results: EpisodeResult, judged: Sequence[Judged] = ()) -> RunReco
     keys: dict[str, list[str]] = {}
     for key, result in found.items():
         keys.setdefault(result.episode.agent, []).append(key)
-    asked = [Asked(agent, "one-per-scenario", "clean", (0,), tuple(of_agent)) for agent, of_agent in keys.items()]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, *judged, Used(tuple(found))], found.get, versions={})
+    needed = [
+        EpisodesNeeded(agent, "one-per-scenario", "clean", (0,), tuple(of_agent)) for agent, of_agent in keys.items()
+    ]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, *judged, Used(tuple(found))], found.get, versions={})
     return RunRecords.of(run_as_json(run), found.get, default_registry(), label=", ".join(keys))
 
 
@@ -235,12 +237,12 @@ def test_every_episode_shows_its_own_film(opened, tmp_path):
 
 def test_the_same_sentence_on_other_routes_has_its_own_row_and_page(opened, tmp_path):
     found = {name: scored(name, score) for name, score in (("101", 100.0), ("301", 20.0))}
-    asked = [Asked("driver", name, "clean", (0,), (name,)) for name in found]
+    needed = [EpisodesNeeded("driver", name, "clean", (0,), (name,)) for name in found]
     judged = [
         Judged("t", "DS under clean >= 50", "driver", name, (0,), "DS", "clean", ">=", 50.0, word, value, routes=1)
         for name, word, value in (("101", "pass", 100.0), ("301", "fail", 20.0))
     ]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, *judged, Used(tuple(found))], found.get, versions={})
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, *judged, Used(tuple(found))], found.get, versions={})
     records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="two sets")
     report = opened(write_pages(tmp_path, records).parent)
     page = report.go("#/?metric=DS")
@@ -262,8 +264,8 @@ def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(open
     setting = "200 ms latency"
     broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))
     found = {"clean": make_result("101"), setting: replace(broken, ticks=0)}
-    asked = [Asked("driver", "one-per-scenario", name, (0,), (name,)) for name in found]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    needed = [EpisodesNeeded("driver", "one-per-scenario", name, (0,), (name,)) for name in found]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(tuple(found))], found.get, versions={})
     records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="broken")
     page = opened(write_pages(tmp_path, records).parent).go(f"#/episode/driver/{quote(setting)}/101/0")
     assert "It ended before its first tick, so there is nothing to replay: ValueError: no" in text(page, "main")
@@ -319,7 +321,7 @@ def test_what_is_not_there_says_so(opened):
 def odd_report(folder: Path, name: str) -> Path:
     """Write the pages of a run whose every name is `name`."""
     result = replace(make_result("101", agent=name, scenario=name), end_detail=name)
-    events = [Asked(name, name, "clean", (0,), ("k",)), Used(("k",))]
+    events = [EpisodesNeeded(name, name, "clean", (0,), ("k",)), Used(("k",))]
     run = RunResult.of(
         RunOptions(simulator="embedded"), events, {"k": result}.get, versions={name: name}, notes=(name,)
     )

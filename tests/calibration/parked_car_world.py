@@ -21,7 +21,7 @@ from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
-from pytest_drive_robust.store.events import Asked, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Used
 from pytest_drive_robust.testing import FakeSimulator, fake_route
 
 SLOW_ENOUGH_MPS = 3.0
@@ -101,5 +101,5 @@ def drive_run(agent: Braker, *, routes: int, seed: int) -> RunResult:
             result = drive_episode(world, agent, route=route, setting=setting, seed=seed, agent_name="braker")
             keys.append(EpisodeRequest(result.episode, route, setting).key)
             episodes[keys[-1]] = result
-        events += [Asked("braker", "routes.xml", sentence, (seed,), tuple(keys)), Used(tuple(keys))]
+        events += [EpisodesNeeded("braker", "routes.xml", sentence, (seed,), tuple(keys)), Used(tuple(keys))]
     return RunResult.of(RunOptions(simulator="fake"), events, episodes.get, versions={})

@@ -8,8 +8,8 @@ import pytest
 from parked_car_world import SETTINGS, Braker, drive_run
 
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Comparison
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import run_as_json

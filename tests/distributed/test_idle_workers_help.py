@@ -9,9 +9,10 @@ import pytest
 
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.plugin.idle_workers import _OpenRequests
+from pytest_drive_robust.plugin.idle_workers import OpenRequests
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, routes_in_order
-from pytest_drive_robust.store.events import Asked, Event, JournalWriter, Judged, Spared, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Event, Judged, Spared, Used
+from pytest_drive_robust.store.journal import JournalWriter
 from pytest_drive_robust.testing import fake_route
 
 ONE_LONG_TEST = """
@@ -83,7 +84,7 @@ AGENTS.append(Unmakeable)
 
 
 class Names:
-    """What `_OpenRequests` asks of the scopes of a run."""
+    """What `OpenRequests` asks of the scopes of a run."""
 
     def of(self, marker: MarkerOptions) -> Scope:
         assert (marker.agent, marker.routes, marker.seeds) == (SCOPE.agent, SCOPE.routes_spec, SCOPE.seeds)
@@ -93,18 +94,18 @@ class Names:
         return Setting.parse(sentence)
 
 
-def asked(sentence: str, *, clean: bool = False) -> tuple[Asked, list[EpisodeRequest]]:
+def needed(sentence: str, *, clean: bool = False) -> tuple[EpisodesNeeded, list[EpisodeRequest]]:
     setting = Setting.parse(sentence)
     need = SCOPE.need(setting, clean=clean)
     keys, twins = (tuple(task.key for task in tasks) for tasks in (need.perturbed, need.clean))
     order = [task for route in routes_in_order(SCOPE, need) for task in route.requests]
-    return Asked(SCOPE.agent, SCOPE.routes_spec, sentence, SCOPE.seeds, keys, twins), order
+    return EpisodesNeeded(SCOPE.agent, SCOPE.routes_spec, sentence, SCOPE.seeds, keys, twins), order
 
 
 @pytest.fixture
 def journal(tmp_path: Path):
     writer = JournalWriter(tmp_path, name="gw0")
-    questions = _OpenRequests(tmp_path, Names())  # type: ignore[arg-type]
+    questions = OpenRequests(tmp_path, Names())  # type: ignore[arg-type]
 
     def told(*events: Event) -> list[EpisodeRequest]:
         for event in events:
@@ -116,20 +117,20 @@ def journal(tmp_path: Path):
 
 
 def test_tasks_come_in_the_order_in_which_the_verdict_reads_them(journal):
-    event, order = asked("clean")
+    event, order = needed("clean")
     assert journal(event) == order
     assert [task.route.id for task in order] != sorted(task.route.id for task in order), "the order must show"
 
 
 def test_clean_twins_are_driven_beside_their_routes_and_not_all_before(journal):
-    clean, _ = asked("clean")
-    event, order = asked("200 ms latency", clean=True)
+    clean, _ = needed("clean")
+    event, order = needed("200 ms latency", clean=True)
     assert journal(clean, event) == order
     assert {task.setting.is_clean for task in order[:4]} == {True, False}
 
 
 def test_what_a_verdict_came_without_is_not_driven(journal):
-    event, order = asked("clean")
+    event, order = needed("clean")
     journal(event)
     read, rest = order[:4], order[4:]
     assert journal(Spared(tuple(task.key for task in rest))) == read
@@ -137,8 +138,8 @@ def test_what_a_verdict_came_without_is_not_driven(journal):
 
 
 def test_nothing_is_driven_for_a_test_that_ended_without_a_verdict(journal):
-    event, order = asked("clean")
-    other, others = asked("200 ms latency")
+    event, order = needed("clean")
+    other, others = needed("200 ms latency")
     assert journal(event, other) == order + others
     ended = Judged("test", "DS", SCOPE.agent, SCOPE.routes_spec, SCOPE.seeds, "DS", "clean", ">=", 1.0, "error")
     assert journal(ended) == others

@@ -14,8 +14,8 @@ import store_holder
 from patience import PATIENCE_S
 from store_holder import episode, key_of
 
-from pytest_drive_robust.store.care import verify
 from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.maintenance import verify
 
 HOLDER = Path(store_holder.__file__)
 

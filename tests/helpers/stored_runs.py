@@ -12,7 +12,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.references import StoredRuns
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.store.events import Asked, Event, Identified, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Event, Identified, Used
 
 SCORES = [100.0, 60.0, 100.0, 36.0] * 10
 SETTING = "200 ms latency"
@@ -22,17 +22,17 @@ SETTING = "200 ms latency"
 def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0", routes: int = 40) -> dict[str, object]:
     """Return a run of one agent, clean and under latency; `factor` is what becomes of the scores under latency."""
     episodes: dict[str, EpisodeResult] = {}
-    asked: list[Event] = []
+    needed: list[Event] = []
     for setting, scale in (("clean", 1.0), (SETTING, factor)):
         results = [scored(str(n), score * scale, setting=setting) for n, score in enumerate(SCORES[:routes], start=1)]
         if crash:
             results[3] = crashed_simulation("4", setting=setting)
         keys = {f"{setting} {result.episode.route_id}": result for result in results}
         episodes.update(keys)
-        asked += [Asked("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
+        needed += [EpisodesNeeded("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
     digests = tuple(f"{n}={digest}" for n in range(1, routes + 1))
     identified = Identified("driver", "agents 1", "abc", "", digests)
-    run = RunResult.of(RunOptions(simulator="embedded"), [identified, *asked], episodes.get, versions={})
+    run = RunResult.of(RunOptions(simulator="embedded"), [identified, *needed], episodes.get, versions={})
     return run_as_json(run)
 
 

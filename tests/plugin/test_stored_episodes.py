@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pytest_drive_robust.store.care import statistics
+from pytest_drive_robust.store.maintenance import statistics
 
 SENTENCES = ("DS under clean >= 90", "RD under throttle 0.9 <= 0.30")
 AGENT = """

@@ -24,6 +24,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.runner.episode.stored_controls import bare_result
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
@@ -48,8 +49,8 @@ def read_agent(name: str) -> tuple[Path, str]:
     return path.resolve(), "+".join(parts)  # the evaluator runs in another folder
 
 
-class Bench2DriveExecutor:
-    """Drives `slots` episodes at a time (see `runner.executors.Executor`), each in an evaluator and server of its own.
+class Bench2DriveExecutor(Executor):
+    """Drives `slots` episodes at a time, each in an evaluator and server of its own.
 
     `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
     `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
@@ -67,7 +68,7 @@ class Bench2DriveExecutor:
         fresh: bool = False,
         **options: object,
     ) -> None:
-        self.slots = slots
+        self._slots = slots
         self._checkout = checkout
         self._folder = folder.resolve()
         self._routes = (routes or checkout.routes).resolve()
@@ -80,6 +81,11 @@ class Bench2DriveExecutor:
         for slot in range(slots):
             self._free.put(slot)
         self._pool = ThreadPoolExecutor(slots, thread_name_prefix="drive-robust-b2d")
+
+    @property
+    def slots(self) -> int:
+        """How many evaluators drive side by side."""
+        return self._slots
 
     @cached_property
     def routes(self) -> tuple[Route, ...]:

@@ -25,6 +25,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import available_cores
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key.canonical_text import SESSION
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _LOCAL = "local"
@@ -40,8 +41,8 @@ _EXCLUDED = (
 """What is not copied with the folder of the run."""
 
 
-class RayExecutor:
-    """Drives as many episodes at a time as the cluster has room for (see `runner.executors.Executor`).
+class RayExecutor(Executor):
+    """Drives as many episodes at a time as the cluster has room for.
 
     `address` is `"local"`, `"auto"` (the cluster that this machine belongs to), `"host:port"` or `"ray://host:port"`;
     None means the variable `RAY_ADDRESS`, or a cluster of our own. `slots` bounds the number of episodes; for a cluster

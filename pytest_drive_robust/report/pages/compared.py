@@ -6,10 +6,11 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from pytest_drive_robust.regression.outcome import CellComparison, Comparison, Flip
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Flip
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.stats.intervals import mean_interval
 
 
@@ -29,14 +30,16 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
     }
 
 
-def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Ident]:
+def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Episode]:
     """Yield the episodes of the run before that have a part in a flip, as far as that run holds them."""
     if comparison.refusals:
         return
     for cell in comparison.cells:
         for flip in cell.flips:
-            idents = ((cell.agent_before, cell.setting, flip.before.route_id, seed) for seed in flip.before.seeds)
-            yield from (ident for ident in idents if ident in before.results)
+            episodes = (
+                Episode(cell.agent_before, flip.before.route_id, cell.setting, seed) for seed in flip.before.seeds
+            )
+            yield from (episode for episode in episodes if episode in before.results)
 
 
 def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:

@@ -6,12 +6,13 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Infraction, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
-from pytest_drive_robust.report.pages.records import Ident, RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence
 
 
@@ -28,7 +29,7 @@ class EpisodeTable:
 
     def __init__(self) -> None:
         self.results: list[EpisodeResult] = []
-        self.numbers: dict[tuple[int, Ident], int] = {}
+        self.numbers: dict[tuple[int, Episode], int] = {}
         self.rows: list[list[Any]] = []
         self.words: dict[str, int] = {}
 
@@ -36,18 +37,17 @@ class EpisodeTable:
         """Return the number of a text."""
         return self.words.setdefault(text, len(self.words))
 
-    def add(self, records: RunRecords, idents: Iterable[Ident], *, run: int = 0) -> None:
+    def add(self, records: RunRecords, episodes: Iterable[Episode], *, run: int = 0) -> None:
         """Add episodes of a run with their clean twins, where they are not there yet."""
-        for ident in idents:
-            if (run, ident) in self.numbers or ident not in records.results:
+        for episode in episodes:
+            if (run, episode) in self.numbers or episode not in records.results:
                 continue
-            result, twin = records.results[ident], records.twin(ident)
+            result, twin = records.results[episode], records.twin(episode)
             twin_number = -1
             if twin is not None:
-                twin_ident = (twin.episode.agent, twin.episode.setting, twin.episode.route_id, twin.episode.seed)
-                self.add(records, [twin_ident], run=run)
-                twin_number = self.numbers[run, twin_ident]
-            self.numbers[run, ident] = len(self.rows)
+                self.add(records, [twin.episode], run=run)
+                twin_number = self.numbers[run, twin.episode]
+            self.numbers[run, episode] = len(self.rows)
             self.results.append(result)
             mode = records.document["settings"]["metrics"]
             self.rows.append(
@@ -57,8 +57,8 @@ class EpisodeTable:
                     twin_number,
                     run=run,
                     mode=mode,
-                    key=records.keys[ident],
-                    clean=records.is_clean(ident[1]),
+                    key=records.keys[episode],
+                    clean=records.is_clean(episode.setting),
                 )
             )
 

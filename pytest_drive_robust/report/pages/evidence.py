@@ -7,7 +7,7 @@ from typing import Any
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import METRICS, Metric
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 
@@ -24,7 +24,8 @@ def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
             [route.id for route in routes], [route.scenario.type for route in routes], f"{agent} on {spec}"
         )
     else:
-        order = list(dict.fromkeys(ident[2] for ident in records.results if ident[:2] == (agent, setting)))
+        episodes = (item for item in records.results if (item.agent, item.setting) == (agent, setting))
+        order = list(dict.fromkeys(episode.route_id for episode in episodes))
     driven = [route_id for route_id in order if records.of_setting(agent, setting, [route_id], judged["seeds"])]
     return driven[: judged["routes"]] if judged["routes"] else driven
 

@@ -12,13 +12,13 @@ from typing import Any
 from pytest_drive_robust import __version__
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
-from pytest_drive_robust.report.pages.records import RunRecords
-from pytest_drive_robust.report.pages.road_map import RoadMaps, map_data
 from pytest_drive_robust.report.pages.run_data import run_data
+from pytest_drive_robust.report.road_map import RoadMaps, map_data
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.store.whole_file import write_whole
 
 MARK = "drive-robust-report.txt"

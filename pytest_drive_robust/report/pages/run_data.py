@@ -8,15 +8,15 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
-from pytest_drive_robust.regression.outcome import Comparison
+from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
 from pytest_drive_robust.report.numbers import OPEN
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
-from pytest_drive_robust.report.pages.records import RunRecords
-from pytest_drive_robust.report.pages.road_map import RoadMaps
+from pytest_drive_robust.report.road_map import RoadMaps
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
@@ -143,7 +143,7 @@ def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
 
 def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[dict[str, Any]]:
     """Return the groups of episodes of the run that broke."""
-    numbered = [(table.numbers[0, ident], result) for ident, result in records.results.items()]
+    numbered = [(table.numbers[0, episode], result) for episode, result in records.results.items()]
     roads: dict[int, Road] = {}
 
     def road_of(result: EpisodeResult) -> Road | None:

@@ -23,7 +23,7 @@ from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.testing import FakeSimulator
 
-REPOSITORY = Path(__file__).parents[2]
+REPOSITORY = Path(__file__).parents[3]
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
 AGENTS = """
 from pytest_drive_robust import CameraSpec, Control, PlannedPath

@@ -12,8 +12,8 @@ from snapshot_factory import PRINT, cell, route_score, snapshot, with_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import AgentPrint
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.regression.snapshot import Cell
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.stats import gate

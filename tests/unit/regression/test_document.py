@@ -9,7 +9,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, mismatches
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.store.events import Asked, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Used
 
 
 def fingerprints(torch: str, machine: str) -> dict[str, Fingerprint]:
@@ -19,8 +19,8 @@ def fingerprints(torch: str, machine: str) -> dict[str, Fingerprint]:
         "portable": make_result(agent="portable", versions={"simulator": "embedded 2"}),
         "learned": make_result(agent="learned", versions=learned),
     }
-    asked = [Asked(agent, "dev10", "clean", (0,), (agent,), ()) for agent in results]
-    run = RunResult.of(RunOptions(), [*asked, Used(tuple(results))], results.get, versions={"numpy": torch})
+    needed = [EpisodesNeeded(agent, "dev10", "clean", (0,), (agent,), ()) for agent in results]
+    run = RunResult.of(RunOptions(), [*needed, Used(tuple(results))], results.get, versions={"numpy": torch})
     cells = snapshot_of(run_as_json(run), label="run").cells
     return {agent: cell.routes["1"].fingerprint for (agent, _), cell in cells.items()}
 

@@ -18,9 +18,9 @@ REQUESTS = SCOPE.plan([WANTED])
 
 
 def last_line(rule: str, *stored: str, together: int = 1) -> str:
-    reading = SCOPE.reading(WANTED, VerdictRule(rule))
+    plan = SCOPE.verdict_plan(WANTED, VerdictRule(rule))
     found = {key: replace(make_result(), wall_s=3.0) for key in stored}
-    likely = {request.key for request in reading.likely}
+    likely = {request.key for request in plan.likely}
     text = plan_text(
         REQUESTS.values(),
         found.get,
@@ -34,7 +34,7 @@ def last_line(rule: str, *stored: str, together: int = 1) -> str:
 
 
 def test_by_evidence_it_says_what_is_likely_and_what_is_possible() -> None:
-    likely = len(SCOPE.reading(WANTED, VerdictRule("evidence")).likely)
+    likely = len(SCOPE.verdict_plan(WANTED, VerdictRule("evidence")).likely)
     assert 0 < likely < 40
     assert last_line("evidence").startswith(f"About {likely} episodes would be driven (at most 40")
 

@@ -4,7 +4,7 @@ import io
 from contextlib import contextmanager
 
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, ProgressState
-from pytest_drive_robust.store.events import Asked, Compiling, Finished, Planned, Spared, Started
+from pytest_drive_robust.store.events import Compiling, EpisodesNeeded, Finished, Planned, Spared, Started
 
 
 class Clock:
@@ -23,8 +23,8 @@ class FakeScreen:
         yield self.stream
 
 
-def asked(setting: str, *keys: str) -> Asked:
-    return Asked("driver", "two", setting, (0,), keys)
+def needed(setting: str, *keys: str) -> EpisodesNeeded:
+    return EpisodesNeeded("driver", "two", setting, (0,), keys)
 
 
 def started(key: str) -> Started:
@@ -33,7 +33,7 @@ def started(key: str) -> Started:
 
 def test_planned_episodes_count_once_and_the_total_grows_when_tests_ask_for_more():
     state = ProgressState(Clock())
-    for event in (Planned(("a", "b")), Planned(("a", "b")), asked("clean", "b", "c"), Finished("a", 1.0)):
+    for event in (Planned(("a", "b")), Planned(("a", "b")), needed("clean", "b", "c"), Finished("a", 1.0)):
         state.see(event)
     assert (state.done, state.total) == (1, 3)
 
@@ -61,7 +61,7 @@ def test_it_says_what_is_under_way():
 
 def test_a_setting_is_complete_when_its_last_episode_is():
     state = ProgressState(Clock())
-    clean = asked("clean", "a", "b")
+    clean = needed("clean", "a", "b")
     assert state.see(clean) == []
     assert state.see(Finished("a", 1.0)) == []
     assert state.see(Finished("b", 1.0)) == [clean]
@@ -71,7 +71,7 @@ def test_a_setting_is_complete_when_its_last_episode_is():
 def test_of_two_settings_that_end_together_the_perturbed_one_is_named():
     screen = FakeScreen()
     progress = PlainProgress(screen, Clock())
-    for event in (asked("clean", "a", "b"), asked("late", "c", "d"), Finished("a", 1.0), Finished("c", 1.0)):
+    for event in (needed("clean", "a", "b"), needed("late", "c", "d"), Finished("a", 1.0), Finished("c", 1.0)):
         progress.see(event)
     progress.see(Spared(("b", "d")))
     assert screen.stream.getvalue().startswith("drive-robust: driver under late done, 2/2 episodes")
@@ -81,7 +81,7 @@ def test_plain_lines_are_few():
     clock, screen = Clock(), FakeScreen()
     progress = PlainProgress(screen, clock)
     for number in range(20):
-        progress.see(asked(f"setting {number}", f"key {number}"))
+        progress.see(needed(f"setting {number}", f"key {number}"))
         progress.see(Finished(f"key {number}", 0.1))
         clock.now_s += 1.0
     lines = screen.stream.getvalue().splitlines()
@@ -92,7 +92,7 @@ def test_plain_lines_are_few():
 def test_a_long_setting_gives_a_sign_of_life():
     clock, screen = Clock(), FakeScreen()
     progress = PlainProgress(screen, clock)
-    progress.see(asked("clean", "a"))
+    progress.see(needed("clean", "a"))
     progress.see(started("a"))
     for _ in range(600):
         clock.now_s += 0.1
@@ -103,7 +103,7 @@ def test_a_long_setting_gives_a_sign_of_life():
 def test_compiling_is_said_at_once_and_then_every_five_seconds():
     clock, screen = Clock(), FakeScreen()
     progress = PlainProgress(screen, clock)
-    progress.see(asked("clean", "a"))
+    progress.see(needed("clean", "a"))
     progress.see(started("a"))
     for done in range(13):
         progress.see(Compiling(done, 12))
@@ -123,7 +123,7 @@ def test_nothing_is_compiling_any_more_when_an_episode_ends():
 def test_the_live_line_counts_functions_while_they_are_compiled():
     clock, screen = Clock(), FakeScreen()
     progress = LiveProgress(screen, clock)
-    for event in (asked("clean", "a"), started("a"), Compiling(3, 12)):
+    for event in (needed("clean", "a"), started("a"), Compiling(3, 12)):
         progress.see(event)
     progress.refresh()
     drawn = screen.stream.getvalue()
@@ -142,7 +142,7 @@ def test_where_the_line_is_full_the_episode_is_cut_off_and_not_the_time_left(mon
     progress = LiveProgress(screen, clock)
     setting = "GPS noise 15 m and speed noise 0.2"
     for event in (
-        asked(setting, "a", "b"),
+        needed(setting, "a", "b"),
         started("a"),
         Finished("a", 90.0),
         Started("b", "expert", setting, "2801 " * 9),

@@ -11,18 +11,18 @@ from pytest_drive_robust.report.github import step_summary
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
-from pytest_drive_robust.store.events import Asked, Judged, Spared, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Spared, Used
 
 
 def run_of(*groups, judged=()):
     """A run in which each group is (setting, results); clean groups are the twins of the others."""
-    asked, found, clean = [], {}, ()
+    needed, found, clean = [], {}, ()
     for setting, results in groups:
         keys = tuple(f"{setting} {result.episode.route_id}" for result in results)
         found.update(zip(keys, results, strict=True))
-        asked.append(Asked("driver", "dev10", setting, (0,), keys, clean if setting != "clean" else ()))
+        needed.append(EpisodesNeeded("driver", "dev10", setting, (0,), keys, clean if setting != "clean" else ()))
         clean = keys if setting == "clean" else clean
-    return RunResult.of(RunOptions(), [*asked, *judged, Used(tuple(found))], found.get, versions={})
+    return RunResult.of(RunOptions(), [*needed, *judged, Used(tuple(found))], found.get, versions={})
 
 
 def verdict(setting, word):
@@ -166,8 +166,8 @@ def test_early_stops_are_mentioned():
 
 
 def test_an_interrupted_setting_says_how_much_is_there():
-    asked = Asked("driver", "dev10", "clean", (0,), ("a", "b"), ())
-    run = RunResult.of(RunOptions(), [asked, Used(("a",))], {"a": make_result("1")}.get, versions={})
+    needed = EpisodesNeeded("driver", "dev10", "clean", (0,), ("a", "b"), ())
+    run = RunResult.of(RunOptions(), [needed, Used(("a",))], {"a": make_result("1")}.get, versions={})
     text = run_summary(run, colour=False)
     assert "1 of 2" in text.splitlines()[1]
     assert "before all episodes of this setting were driven" in text
@@ -175,10 +175,10 @@ def test_an_interrupted_setting_says_how_much_is_there():
 
 def test_a_row_has_the_verdicts_of_all_names_of_its_routes():
     found = {"a": make_result("101"), "b": make_result("102")}
-    asked = [Asked("driver", spec, "clean", (0,), ("a", "b"), ()) for spec in ("mine.xml", "./mine.xml")]
+    needed = [EpisodesNeeded("driver", spec, "clean", (0,), ("a", "b"), ()) for spec in ("mine.xml", "./mine.xml")]
     judged = [replace(verdict("clean", "pass"), metric="DS", value=100.0, routes_spec="mine.xml")]
     judged += [replace(verdict("clean", "fail"), metric="comfort", value=12.5, routes_spec="./mine.xml")]
-    run = RunResult.of(RunOptions(), [*asked, *judged, Used(("a", "b"))], found.get, versions={})
+    run = RunResult.of(RunOptions(), [*needed, *judged, Used(("a", "b"))], found.get, versions={})
     (row,) = run.rows
     assert row.verdict == "fail"
     assert row.judged == {"DS": 100.0, "comfort": 12.5}
@@ -186,12 +186,12 @@ def test_a_row_has_the_verdicts_of_all_names_of_its_routes():
 
 def test_rows_on_other_routes_or_seeds_say_so():
     found = {name: make_result(name) for name in "abc"}
-    asked = [
-        Asked("driver", "101", "clean", (0,), ("a",), ()),
-        Asked("driver", "101", "clean", (0, 1), ("a", "c"), ()),
-        Asked("driver", "mine/night.xml", "clean", (0,), ("b",), ()),
+    needed = [
+        EpisodesNeeded("driver", "101", "clean", (0,), ("a",), ()),
+        EpisodesNeeded("driver", "101", "clean", (0, 1), ("a", "c"), ()),
+        EpisodesNeeded("driver", "mine/night.xml", "clean", (0,), ("b",), ()),
     ]
-    run = RunResult.of(RunOptions(), [*asked, Used(tuple(found))], found.get, versions={})
+    run = RunResult.of(RunOptions(), [*needed, Used(tuple(found))], found.get, versions={})
     names = ["clean on 101, seed 0", "clean on 101, seeds 0, 1", "clean on night.xml, seed 0"]
     lines = run_summary(run, colour=False).splitlines()
     assert [re.split(r" {2,}", line)[1] for line in lines[1:4]] == names
@@ -206,12 +206,12 @@ def test_a_run_that_asked_for_nothing_has_no_table():
 def test_rows_of_early_verdicts_are_not_compared_by_score():
     clean = {f"clean {number}": scored(str(number), 100.0) for number in range(9)}
     late = {f"late {number}": scored(str(number), 50.0, setting="late") for number in range(9)}
-    asked = [
-        Asked("driver", "dev10", "clean", (0,), tuple(clean), ()),
-        Asked("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
+    needed = [
+        EpisodesNeeded("driver", "dev10", "clean", (0,), tuple(clean), ()),
+        EpisodesNeeded("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
     ]
     used = [Used(tuple(clean)[:6]), Used(tuple(late)[:4])]
-    events = [*asked, *used, Spared(tuple(clean)[6:]), Spared(tuple(late)[4:]), verdict("late", "pass")]
+    events = [*needed, *used, Spared(tuple(clean)[6:]), Spared(tuple(late)[4:]), verdict("late", "pass")]
     run = RunResult.of(RunOptions(), events, {**clean, **late}.get, versions={})
     head, first, second, *notes = run_summary(run, colour=False).splitlines()
     assert head.split() == ["agent", "setting", "DS", "SR", "RD", "routes", "verdict"]
@@ -222,7 +222,7 @@ def test_rows_of_early_verdicts_are_not_compared_by_score():
     assert (clean_row["routes"], clean_row["routes_planned"], clean_row["rd_interval"]) == (6, 9, None)
     assert late_row["ds_interval"][0] < 50.0 < late_row["ds_interval"][1]
     assert late_row["rd_interval"][0] < 0.5 < late_row["rd_interval"][1]
-    whole = [*asked, Used((*clean, *late)), verdict("late", "pass")]
+    whole = [*needed, Used((*clean, *late)), verdict("late", "pass")]
     text = run_summary(RunResult.of(RunOptions(), whole, {**clean, **late}.get, versions={}), colour=False)
     assert "efficiency" in text
     assert "Between rows" not in text
@@ -231,12 +231,12 @@ def test_rows_of_early_verdicts_are_not_compared_by_score():
 def test_an_rd_that_one_route_leaves_open_has_no_digits():
     clean = {f"clean {number}": scored(str(number), 100.0) for number in range(9)}
     late = {f"late {number}": scored(str(number), 50.0, setting="late") for number in range(9)}
-    asked = [
-        Asked("driver", "dev10", "clean", (0,), tuple(clean), ()),
-        Asked("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
+    needed = [
+        EpisodesNeeded("driver", "dev10", "clean", (0,), tuple(clean), ()),
+        EpisodesNeeded("driver", "dev10", "late", (0,), tuple(late), tuple(clean)),
     ]
     spared = [Used(("clean 0", "late 0")), Spared(tuple(clean)[1:]), Spared(tuple(late)[1:])]
-    run = RunResult.of(RunOptions(), [*asked, *spared], {**clean, **late}.get, versions={})
+    run = RunResult.of(RunOptions(), [*needed, *spared], {**clean, **late}.get, versions={})
     assert "0.50 (< -1 to " in run_summary(run, colour=False)
 
 

@@ -18,6 +18,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.report.progress import ProgressState
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import MemoryStore
@@ -66,12 +67,14 @@ class Clock:
         return self.now_s
 
 
-class Replayed:
+class Replayed(Executor):
     """Drives what was recorded, in the time that it took, on a clock of its own.
 
     An agent's first episodes wait for `compile_s`. With a `width` so many are driven together: `slots` counts all of
     them, and each takes `width` times its own seconds. Everything takes `times` as long as recorded.
     """
+
+    slots = 1
 
     def __init__(
         self,
@@ -154,7 +157,7 @@ def replay(tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, resumes: 
     for key, request in requests.items():
         if resumes and request.episode.setting == "clean":
             store.put(key, executor.result(request))
-    campaign.planned(requests, [scope.reading(requirement, rule) for requirement, scope, rule in tests])
+    campaign.planned(requests, [scope.verdict_plan(requirement, rule) for requirement, scope, rule in tests])
     for number, (requirement, scope, rule) in enumerate(tests):
         campaign.judge(requirement, scope, rule, nodeid=str(number))
     return told
@@ -224,5 +227,5 @@ def test_episodes_that_were_stored_are_not_left() -> None:
         store.put(request.key, scored(request.route.id, 100.0))
     executor = Replayed(clock, slots=1)
     campaign = Campaign(store, executor, told, metrics="bench2drive")
-    campaign.planned(requests, [scope.reading(requirement, rule)])
+    campaign.planned(requests, [scope.verdict_plan(requirement, rule)])
     assert told.state.counts() == "40/44 episodes"

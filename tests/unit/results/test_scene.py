@@ -13,19 +13,19 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.json_file import run_as_json
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.results.run import Run
 from pytest_drive_robust.results.scene import Scene, scenes_of
-from pytest_drive_robust.store.events import Asked, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Used
 
 SETTING = "200 ms latency"
 
 
 def run_of(*results: EpisodeResult) -> Run:
     found = {str(number): result for number, result in enumerate(results)}
-    asked = [Asked("driver", "101", result.episode.setting, (0,), (key,)) for key, result in found.items()]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    needed = [EpisodesNeeded("driver", "101", result.episode.setting, (0,), (key,)) for key, result in found.items()]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(tuple(found))], found.get, versions={})
     return Run.of(RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run"))
 
 

@@ -13,6 +13,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.events import Event
@@ -22,8 +23,10 @@ SCOPE = Scope("driver", "many", tuple(fake_route(str(number)) for number in rang
 WALL_S = {"0": 1.0, "1": 5.0, "2": 2.0, "3": 4.0, "4": 3.0, "5": 6.0}
 
 
-class Hands:
+class Hands(Executor):
     """An executor that notes what it was given."""
+
+    slots = 1
 
     def __init__(self, slots: int = 1) -> None:
         self.slots = slots
@@ -83,7 +86,7 @@ def test_idle_slots_begin_with_later_tests_and_beside_others_only_with_what_is_n
     hands = Hands(slots=4)
     driving = Campaign(MemoryStore(), hands, Nobody(), metrics="bench2drive")
     (wanted,) = requirements("DS under 200 ms latency >= 40")
-    driving.planned(SCOPE.plan([wanted]), [SCOPE.reading(wanted, VerdictRule(rule))], shared=shared)
+    driving.planned(SCOPE.plan([wanted]), [SCOPE.verdict_plan(wanted, VerdictRule(rule))], shared=shared)
     driving.episodes(SCOPE, Setting.CLEAN)
     assert hands.settings[:6] == ["clean"] * 6
     assert ("200 ms latency" in hands.settings) is begun_ahead

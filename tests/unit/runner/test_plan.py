@@ -45,39 +45,42 @@ def many(agent="driver"):
 
 def test_a_reading_goes_through_the_routes_in_planned_order_clean_first():
     scope, wanted = many(), requirement("RD", LATENCY) <= 0.3
-    reading = scope.reading(wanted, VerdictRule())
-    assert reading.kind == "evidence"
-    order = [route.perturbed[0].route.id for route in routes_in_order(scope, reading.need)]
-    asked = [(task.route.id, task.episode.setting) for task in reading.requests(0)]
+    plan = scope.verdict_plan(wanted, VerdictRule())
+    assert plan.kind == "evidence"
+    order = [route.perturbed[0].route.id for route in routes_in_order(scope, plan.need)]
+    asked = [(task.route.id, task.episode.setting) for task in plan.requests(0)]
     assert asked == [(route, setting) for route in order for setting in ("clean", str(LATENCY))]
-    assert reading.requests(0, 3) == reading.requests(0)[:6]
+    assert plan.requests(0, 3) == plan.requests(0)[:6]
 
 
 @pytest.mark.parametrize(("rule", "limit"), [("evidence", 0.2), ("evidence", 0.6), ("list", 0.2)])
 def test_a_verdict_that_may_stop_early_likely_takes_some_of_the_routes(rule, limit):
-    reading = many().reading(requirement("RD", LATENCY) <= limit, VerdictRule(rule))
-    assert 5 <= reading.likely_routes <= 25
-    assert reading.likely == reading.requests(0, reading.likely_routes)
+    plan = many().verdict_plan(requirement("RD", LATENCY) <= limit, VerdictRule(rule))
+    assert 5 <= plan.likely_routes <= 25
+    assert plan.likely == plan.requests(0, plan.likely_routes)
 
 
 def test_a_limit_that_asks_much_likely_takes_more_routes():
     takes = [
-        many().reading(requirement("RD", LATENCY) <= limit, VerdictRule()).likely_routes for limit in (0.1, 0.3, 0.6)
+        many().verdict_plan(requirement("RD", LATENCY) <= limit, VerdictRule()).likely_routes
+        for limit in (0.1, 0.3, 0.6)
     ]
     assert takes == sorted(takes, reverse=True)
     assert takes[0] > takes[-1]
 
 
 def test_a_comparison_of_values_takes_all_routes():
-    reading = many().reading(requirement("RD", LATENCY) <= 0.2, VerdictRule("point"))
-    assert reading.likely == reading.requests(0)
+    plan = many().verdict_plan(requirement("RD", LATENCY) <= 0.2, VerdictRule("point"))
+    assert plan.likely == plan.requests(0)
 
 
 def test_a_few_episodes_of_each_other_agent_come_first():
-    readings = [many(agent).reading(requirement("DS") >= 40, VerdictRule()) for agent in ("one", "two", "two", "three")]
-    first = first_of_each_agent(readings)
+    verdict_plans = [
+        many(agent).verdict_plan(requirement("DS") >= 40, VerdictRule()) for agent in ("one", "two", "two", "three")
+    ]
+    first = first_of_each_agent(verdict_plans)
     assert {task.episode.agent for task in first} == {"two", "three"}
-    likely = {task.key for reading in readings[1:] for task in reading.likely}
+    likely = {task.key for plan in verdict_plans[1:] for task in plan.likely}
     assert {task.key for task in first} <= likely
     assert first_of_each_agent([]) == ()
 

@@ -8,6 +8,7 @@ from result_factory import make_result
 
 from pytest_drive_robust.errors import BudgetSpentError, PluginError
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
@@ -22,8 +23,10 @@ TASKS = (
 ROUTE_OF = {task.key: task.route.id for task in TASKS}
 
 
-class Hands:
+class Hands(Executor):
     """An executor whose episodes end when the test says so."""
+
+    slots = 2
 
     def __init__(self, slots: int = 2) -> None:
         self.slots = slots
@@ -68,9 +71,9 @@ class Diary:
             self.hands.finish(list(self.hands.open)[-1])
 
 
-def scheduler_of(slots: int = 2, store: MemoryStore | None = None, **given):
+def scheduler_of(slots: int = 2, store: MemoryStore | None = None, *, observer: type[Diary] = Diary, **given):
     hands = Hands(slots)
-    diary = Diary(hands)
+    diary = observer(hands)
     return Scheduler(store or MemoryStore(), hands, diary, **given), hands, diary
 
 
@@ -143,7 +146,6 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
     claims = store.claim
     taken = {TASKS[0].key}
     store.claim = lambda key: None if key in taken else claims(key)  # type: ignore[method-assign]
-    scheduler, hands, diary = scheduler_of(slots=1, store=store)
 
     class Other(Diary):
         def ticked(self) -> None:
@@ -151,7 +153,7 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
             if self.waits == 3:
                 store.put(TASKS[0].key, make_result("0"))
 
-    scheduler._observer = diary = Other(hands)
+    scheduler, hands, diary = scheduler_of(slots=1, store=store, observer=Other)
     scheduler.ensure(TASKS[:1], ahead=TASKS[1:3])
     assert "0" not in hands.begun
     assert hands.begun[0] == "1"

@@ -7,8 +7,8 @@ import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.store.base import is_reusable
 from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.reuse import is_reusable
 
 KEY = "abcdef0123456789"
 

@@ -18,17 +18,17 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.outcome import Terms
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pages
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
-from pytest_drive_robust.report.pages.records import RunRecords
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
-from pytest_drive_robust.store.events import Asked, Judged, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
 from pytest_drive_robust.verdict.sentences import parse_requirement
 
 SETTING = "200 ms latency"
@@ -41,8 +41,8 @@ def document(*results, judged=(), spec="one-per-scenario", options=None):
     groups: dict[tuple[str, str], list[str]] = {}
     for key, result in found.items():
         groups.setdefault((result.episode.agent, result.episode.setting), []).append(key)
-    asked = [Asked(agent, spec, setting, (0,), tuple(keys)) for (agent, setting), keys in groups.items()]
-    events = [*asked, Used(tuple(found)), *judged]
+    needed = [EpisodesNeeded(agent, spec, setting, (0,), tuple(keys)) for (agent, setting), keys in groups.items()]
+    events = [*needed, Used(tuple(found)), *judged]
     run = RunResult.of(options or RunOptions(simulator="embedded"), events, found.get, versions={"numpy": "2"})
     return run_as_json(run), found.get
 
@@ -166,11 +166,11 @@ def test_two_files_with_one_id_are_refused_under_different_settings_too(tmp_path
         save_routes([replace(route, id="101")], Path(file))
     found = {"a": make_result("101"), "b": make_result("101", setting=SETTING)}
     settings = ("clean", SETTING)
-    asked = [
-        Asked("driver", *scope, (0,), (key,))
+    needed = [
+        EpisodesNeeded("driver", *scope, (0,), (key,))
         for scope, key in zip(zip(files, settings, strict=True), "ab", strict=True)
     ]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(("a", "b"))], found.get, versions={})
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(("a", "b"))], found.get, versions={})
     with pytest.raises(UsageError, match=r"the run 'a run' holds two routes with the id '101', so they cannot be told"):
         RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run")
 
@@ -181,8 +181,8 @@ def test_a_route_is_driven_again_from_the_file_that_holds_it(tmp_path):
     for file, route in zip(files, routes, strict=True):
         save_routes([replace(route, id=f"mine {route.id}")], Path(file))
     found = {route.id: make_result(f"mine {route.id}") for route in routes}
-    asked = [Asked("driver", file, "clean", (0,), (key,)) for file, key in zip(files, found, strict=True)]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*asked, Used(tuple(found))], found.get, versions={})
+    needed = [EpisodesNeeded("driver", file, "clean", (0,), (key,)) for file, key in zip(files, found, strict=True)]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(tuple(found))], found.get, versions={})
     write_pages(tmp_path / "out", RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run"))
     data = data_of(tmp_path / "out")
     assert [route["file"] for route in data["routes"]] == files

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import Trace
-from pytest_drive_robust.store.base import ends_reusable
 from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.index import IndexedEpisode, indexed_episodes
 from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, decode_record
 from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
+from pytest_drive_robust.store.reuse import ends_reusable
 
 _DAY_S = 86_400.0
 

@@ -8,8 +8,8 @@ import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.store.care import statistics, sweep, verify
 from pytest_drive_robust.store.index import indexed_episodes
+from pytest_drive_robust.store.maintenance import statistics, sweep, verify
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.store.record_files import RecordFiles
 

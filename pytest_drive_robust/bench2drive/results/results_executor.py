@@ -17,6 +17,7 @@ from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
 from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _MOST_SHOWN = 10
@@ -125,7 +126,7 @@ class ResultsSource:
         return episode_of(record, agent=episode.agent, setting=self.setting, folders=self.folders)
 
 
-class ResultsExecutor:
+class ResultsExecutor(Executor):
     """Answers requests from results, as an executor that drives would (one at a time, at once)."""
 
     slots = 1

@@ -1,22 +1,21 @@
 from __future__ import annotations
 
 from pytest_drive_robust.store.events import (
-    Asked,
+    EpisodesNeeded,
     Finished,
-    JournalReader,
-    JournalWriter,
     Judged,
     Planned,
     Started,
-    Troubled,
+    StoreTroubled,
 )
+from pytest_drive_robust.store.journal import JournalReader, JournalWriter
 
 EVENTS = [
     Planned(("a", "b")),
-    Asked("driver", "two", "clean", (0, 1), ("a", "b"), ()),
+    EpisodesNeeded("driver", "two", "clean", (0, 1), ("a", "b"), ()),
     Started("a", "driver", "clean", "1 Straight"),
     Finished("a", 0.5),
-    Troubled("the disk is full"),
+    StoreTroubled("the disk is full"),
     Judged("test_x.py::t", "DS under clean >= 60", "driver", "two", (0,), "DS", "clean", ">=", 60.0, "error"),
 ]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
-from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor
+from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.options.marker import MarkerOptions
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # it needs fcntl, and results are read on systems without it,
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
 
-class OutsideScopes(Scopes):
+class ExternalScopes(Scopes):
     """As `Scopes`, over the routes of an executor that has routes of its own (`supply`).
 
     Agents are only names here; none is loaded and no world is built.
@@ -30,12 +30,12 @@ class OutsideScopes(Scopes):
 
     def __init__(
         self,
-        settings: RunOptions,
+        options: RunOptions,
         registry: Registry,
         load_routes: Callable[[str], tuple[Route, ...]],
         supply: ResultsExecutor | Bench2DriveExecutor,
     ) -> None:
-        super().__init__(settings, registry, load_routes)
+        super().__init__(options, registry, load_routes)
         self._supply = supply
 
     @property
@@ -45,14 +45,14 @@ class OutsideScopes(Scopes):
 
     def of(self, marker: MarkerOptions) -> Scope:
         """Return the scope of a test with this marker. Raises `UsageError` for unknown routes."""
-        own = self._settings.simulator
-        spec = marker.routes or (self._settings.routes if self._settings.routes_given else own)
-        agent, seeds = marker.agent or self._settings.agent, marker.seeds or self._settings.seeds
+        own = self._options.simulator
+        spec = marker.routes or (self._options.routes if self._options.routes_given else own)
+        agent, seeds = marker.agent or self._options.agent, marker.seeds or self._options.seeds
         return Scope(agent, spec, self.routes(spec), seeds, own)
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return all routes, some of them by id, or those of a route file. Raises `UsageError`."""
-        if spec == self._settings.simulator:
+        if spec == self._options.simulator:
             return self._supply.routes
         try:
             return self._named([name.strip() for name in spec.split(",")])
@@ -62,9 +62,7 @@ class OutsideScopes(Scopes):
     def identify(self, scope: Scope) -> Identified:
         """Return what is known about an agent that drove elsewhere: its routes."""
         routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
-        return Identified(
-            agent=scope.agent, distribution=self._settings.simulator, source="", weights="", routes=routes
-        )
+        return Identified(agent=scope.agent, distribution=self._options.simulator, source="", weights="", routes=routes)
 
     def check(self) -> None:
         """Look at nothing: the supply was checked when it was made."""
@@ -81,5 +79,5 @@ class OutsideScopes(Scopes):
         by_id = {route.id: route for route in self._supply.routes}
         unknown = [name for name in names if name not in by_id]
         if unknown:
-            raise UnknownNameError.of(f"route of {self._settings.simulator}", unknown[0], by_id)
+            raise UnknownNameError.of(f"route of {self._options.simulator}", unknown[0], by_id)
         return tuple(by_id[name] for name in dict.fromkeys(names))

@@ -1,34 +1,34 @@
-"""What the record of a run is told of a requirement: what it asked for, its verdict, what a search found."""
+"""The events of a requirement: what it asks for, its verdict, what a search found."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.plan import EpisodeRequest, Reading, RouteRequests, Scope
-from pytest_drive_robust.store.events import Asked, Awaited, Judged, Searched
+from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan
+from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Searched, VerdictPlanned
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
 from pytest_drive_robust.verdict.requirement import Requirement
 
 
-def asked(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[Asked, ...]:
+def episodes_needed(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[EpisodesNeeded, ...]:
     """Return what is asked for: the setting, and its clean twins as a setting of their own."""
     clean, own = _keys(need.clean), _keys(need.perturbed)
     twins = () if clean == own else clean
-    baseline = (Asked(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
-    return (*baseline, Asked(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
+    baseline = (EpisodesNeeded(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
+    return (*baseline, EpisodesNeeded(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
 
 
-def awaited(reading: Reading) -> Awaited:
+def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
     """Return what a selected test will read."""
-    setting, ordered = reading.requirement.setting, RouteRequests.joined(reading.routes)
-    return Awaited(
-        **reading.scope.named,
-        requirement=str(reading.requirement),
+    setting, ordered = plan.requirement.setting, RouteRequests.joined(plan.routes)
+    return VerdictPlanned(
+        **plan.scope.named,
+        requirement=str(plan.requirement),
         setting=str(setting),
-        rule=reading.kind,
-        likely=reading.likely_routes,
+        rule=plan.kind,
+        likely=plan.likely_routes,
         keys=_keys(ordered.perturbed),
         clean=str(setting.baseline) if ordered.clean else "",
         clean_keys=_keys(ordered.clean),

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from pytest_drive_robust.stats import gate
 from pytest_drive_robust.stats.evidence import degradation_forms, fail_p_value, mean_forms
 from pytest_drive_robust.stats.judges import EvidenceJudge
-from pytest_drive_robust.stats.several import any_wrong, holm, late_fails
+from pytest_drive_robust.stats.multiple_verdicts import any_wrong, holm, late_fails
 
 p_lists = st.lists(st.floats(0.0, 1.0), max_size=12)
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from official_records import document, motion_step, record, write
 
-from pytest_drive_robust.bench2drive.results.supply import ResultsExecutor, ResultsSource, parse_results
+from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor, ResultsSource, parse_results
 from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError, RequirementError, UsageError

@@ -1,28 +1,26 @@
-"""A run as pages need it: its document, and of each episode the result, with its trace where one is stored."""
+"""A stored run: its document, and the result of each episode, with its trace where one is stored."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.regression.document import episode_of, read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.document import episode_of
+from pytest_drive_robust.regression.references import home_of, read_run_document
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.record import decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
-
-Ident = tuple[str, str, str, int]
-"""(agent, setting, route id, seed)."""
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -31,7 +29,7 @@ Find = Callable[[str], "EpisodeResult | None"]
 
 @dataclass(frozen=True)
 class RunRecords:
-    """One run. `results` are its episodes by what they are, in the order of the run.
+    """One run. `results` are those of its episodes, in the order of the run.
 
     An episode whose record was not found has an empty trace. `keys` names each episode in the store; `routes` are those
     of each route specification that can still be resolved, `simulator` is None where it cannot be made here.
@@ -39,8 +37,8 @@ class RunRecords:
 
     label: str
     document: Mapping[str, Any]
-    results: Mapping[Ident, EpisodeResult]
-    keys: Mapping[Ident, str]
+    results: Mapping[Episode, EpisodeResult]
+    keys: Mapping[Episode, str]
     routes: Mapping[str, tuple[Route, ...]]
     simulator: Simulator | None
     baselines: Mapping[str, str] = field(default_factory=dict)
@@ -51,11 +49,11 @@ class RunRecords:
 
         `store` is the folder of the episodes where they are not in the project's. Raises `UsageError`.
         """
-        home = home_of(Path.cwd())
-        document = read_document(run_file(StoredRuns(home), reference))
+        document = read_run_document(reference)
         stored = document.get("stored")
         label = str(stored.get("name") or reference) if isinstance(stored, dict) else reference
-        return cls.of(document, stored_episodes(store or home / DEFAULT_STORE), registry, label=label)
+        find = stored_episodes(store or home_of(Path.cwd()) / DEFAULT_STORE)
+        return cls.of(document, find, registry, label=label)
 
     @classmethod
     def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
@@ -65,24 +63,25 @@ class RunRecords:
         """
         try:
             items = document["episodes"]
-            idents = [(item["agent"], item["setting"], item["route_id"], item["seed"]) for item in items]
-            results = {ident: find(item["key"]) or episode_of(item) for ident, item in zip(idents, items, strict=True)}
-            keys = {ident: item["key"] for ident, item in zip(idents, items, strict=True)}
+            episodes = [Episode(item["agent"], item["route_id"], item["setting"], item["seed"]) for item in items]
+            known = list(zip(episodes, items, strict=True))
+            results = {episode: find(item["key"]) or episode_of(item) for episode, item in known}
+            keys = {episode: item["key"] for episode, item in known}
             specs = dict.fromkeys(row["routes_spec"] for row in document["summaries"])
             settings = dict.fromkeys(row["setting"] for row in document["summaries"])
             name = document["settings"]["simulator"]
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
-        if len(results) < len(idents):  # as of two files
-            agent, setting, route_id, _ = next(ident for ident in idents if idents.count(ident) > 1)
-            raise _same_id(label, route_id, f" for {agent} under {setting}")
+        if len(results) < len(episodes):  # as of two files
+            twice = next(episode for episode in episodes if episodes.count(episode) > 1)
+            raise _same_id(label, twice.route_id, f" for {twice.agent} under {twice.setting}")
         simulator = _found(lambda: registry.simulator(name), None)
         routes: dict[str, tuple[Route, ...]] = (
             {} if simulator is None else {spec: _found(partial(routes_for, spec, simulator), ()) for spec in specs}
         )
         found: dict[str, Route] = {}
         for route in (route for spec in routes.values() for route in spec):
-            if found.setdefault(route.id, route) != route and any(ident[2] == route.id for ident in idents):
+            if found.setdefault(route.id, route) != route and any(episode.route_id == route.id for episode in episodes):
                 raise _same_id(label, route.id)
         return cls(
             label=label,
@@ -107,18 +106,17 @@ class RunRecords:
         """True for a setting that others are compared with."""
         return self.baselines.get(setting, str(Setting.CLEAN)) == setting
 
-    def twin(self, ident: Ident) -> EpisodeResult | None:
+    def twin(self, episode: Episode) -> EpisodeResult | None:
         """Return the clean episode that one under a setting is compared with; None for a clean one."""
-        agent, setting, route_id, seed = ident
-        baseline = self.baselines.get(setting, str(Setting.CLEAN))
-        return None if self.is_clean(setting) else self.results.get((agent, baseline, route_id, seed))
+        baseline = self.baselines.get(episode.setting, str(Setting.CLEAN))
+        return None if self.is_clean(episode.setting) else self.results.get(replace(episode, setting=baseline))
 
     def of_setting(
         self, agent: str, setting: str, route_ids: Iterable[str], seeds: Sequence[int]
     ) -> list[EpisodeResult]:
         """Return the episodes of these routes and seeds that the run holds, in this order."""
-        idents = ((agent, setting, route_id, seed) for route_id in route_ids for seed in seeds)
-        return [self.results[ident] for ident in idents if ident in self.results]
+        episodes = (Episode(agent, route_id, setting, seed) for route_id in route_ids for seed in seeds)
+        return [self.results[episode] for episode in episodes if episode in self.results]
 
 
 def _same_id(label: str, route_id: str, where: str = "") -> UsageError:

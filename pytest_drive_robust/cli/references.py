@@ -1,0 +1,19 @@
+"""What commands share that find stored runs and baselines by what people type."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.regression.references import References, home_of
+
+
+def add_baselines(parser: argparse.ArgumentParser) -> None:
+    """Add `--baselines`, which `references_of` reads."""
+    add_pytest_option(parser, "--baselines")
+
+
+def references_of(options: argparse.Namespace) -> References:
+    """Return what finds stored runs and baselines."""
+    return References(home_of(Path.cwd()), Path(options.baselines) if options.baselines else None)

@@ -1,0 +1,44 @@
+"""The events of a run in a file of each worker, which the controller and the other workers read meanwhile."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pytest_drive_robust.store.events import Event, event_from_json, event_to_json
+
+
+class JournalWriter:
+    """Appends the events of one process; each is on disk as soon as it happened, also when the process dies next."""
+
+    def __init__(self, folder: Path, *, name: str) -> None:
+        journals = folder / "journals"
+        journals.mkdir(parents=True, exist_ok=True)
+        self._file = (journals / f"{name}.jsonl").open("ab", buffering=0)
+
+    def __call__(self, event: Event) -> None:
+        """Append one event."""
+        self._file.write(event_to_json(event).encode() + b"\n")
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class JournalReader:
+    """Reads what all processes of a run have written since the last look."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder / "journals"
+        self._positions: dict[Path, int] = {}
+
+    def read(self) -> list[Event]:
+        """Read new events, in order within each process. A line whose writer died in the middle of it is left out."""
+        events: list[Event] = []
+        for path in sorted(self._folder.glob("*.jsonl")):
+            with path.open("rb") as file:
+                file.seek(self._positions.get(path, 0))
+                fresh = file.read()
+            whole, newline, _ = fresh.rpartition(b"\n")
+            self._positions[path] = self._positions.get(path, 0) + len(whole) + len(newline)
+            events.extend(event_from_json(line) for line in whole.decode().splitlines())
+        return events
