@@ -16,8 +16,3 @@ class Episode:
 
     def __str__(self) -> str:
         return f"{self.agent} on {self.route_id} under {self.setting}, seed {self.seed}"
-
-    @property
-    def clean(self) -> Episode:
-        """The clean twin: same agent, route and seed."""
-        return Episode(self.agent, self.route_id, "clean", self.seed)
