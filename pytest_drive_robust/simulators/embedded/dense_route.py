@@ -20,7 +20,8 @@ from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, 
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
 from pytest_drive_robust.simulators.embedded.traced.traced_route import TRIGGER_OFF_M, trace_route
 
-_LONGEST_M = 20_000.0
+_SHORTEST_M, _LONGEST_M = 20.0, 20_000.0
+"""A shorter route would be completed where it starts."""
 _ROUNDED_M = 0.5
 """A trigger at either end may be rounded to beyond it."""
 _OFF_CENTRE_M = 0.1
@@ -137,9 +138,9 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
     steps = pairwise(route.waypoints)
     length = fsum(scalars.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in steps)
-    if not length <= _LONGEST_M:
+    if not _SHORTEST_M <= length <= _LONGEST_M:
         raise RouteError(
-            f"route {route.id}: its waypoints are {length:.3g} m long, expected {_LONGEST_M:.0f} m at most"
+            f"route {route.id}: its waypoints are {length:.3g} m long, expected {_SHORTEST_M:.0f} to {_LONGEST_M:.0f} m"
         )
     traced = trace_route(route) if is_official(route.town) else None
     town = compile_town(route.town) if traced is None else traced.town
