@@ -167,7 +167,10 @@ def test_metres_of_route_far_from_it_end_it_beyond_thirty_percent() -> None:
         return glide("DynamicObjectCrossing", right_m=lambda s: 16.0 if 20.0 < s < 20.0 + share * length_m else 0.0)
 
     assert far(0.25).end is End.COMPLETED
-    assert far(0.40).end is End.DEVIATED
+    strayed = far(0.40)
+    assert strayed.end is End.DEVIATED
+    (told,) = [i.detail for i in strayed.infractions if i.kind is InfractionKind.DEVIATION]
+    assert told == "went more than 15 m from the route for more than 30 % of it"
 
 
 def test_metres_that_lead_nowhere_are_not_those_of_the_route() -> None:
@@ -181,7 +184,8 @@ def test_metres_that_lead_nowhere_are_not_those_of_the_route() -> None:
 def test_thirty_metres_from_the_route_ends_it() -> None:
     score = glide("DynamicObjectCrossing", right_m=lambda s: 0.0 if s < 40.0 else 31.0)
     assert score.end is End.DEVIATED
-    assert InfractionKind.DEVIATION in kinds(score.infractions)
+    (told,) = [i.detail for i in score.infractions if i.kind is InfractionKind.DEVIATION]
+    assert told == "left the route by more than 30 m"
     assert 20.0 < score.route_completion_pct < 40.0
 
 
