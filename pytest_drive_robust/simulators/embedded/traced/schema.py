@@ -13,11 +13,14 @@ from enum import Enum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import nearest
 
-_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{2}(?:HD)?(?:_Opt)?")
+_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{1,6}(?:HD)?(?:_Opt)?")
 
 
 def is_official(town: str) -> bool:
-    """Return whether a town's name is one of the CARLA leaderboard's: `Town01` to `Town15`, `Town10HD`."""
+    """Return whether a town's name is one as the CARLA leaderboard has: `Town01` to `Town15`, `Town10HD`.
+
+    Any other number is for polylines of one's own: `Town1`, `Town77`, `Town123`.
+    """
     return _OFFICIAL_TOWN.fullmatch(town) is not None
 
 
