@@ -133,14 +133,17 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
-    allowed = _both_ways(world)
+    allowed = _count_to_both_ways(world)
     if outside or (ints[c.CI_WRONG_WAY] == 1 and not allowed):
         world.criteria[c.C_OUTSIDE_M] += gained
 
 
 @inner
-def _both_ways(world: WorldArrays) -> bool:
-    """Return whether the scenario allows to drive against the traffic now, some seconds after the ego came near."""
+def _count_to_both_ways(world: WorldArrays) -> bool:
+    """Count this tick once the ego has come near; return whether the scenario allows to drive against the traffic now.
+
+    It does some seconds after that. Call it once a tick, whether or not the answer is needed.
+    """
     if world.two_ways == c.TWO_WAYS_NEVER or world.clock[1] < 0:
         return False
     criteria, near = world.criteria, world.two_ways_near
