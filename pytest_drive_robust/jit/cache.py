@@ -119,6 +119,16 @@ def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) 
         raise TypeError(f"a kernel uses {value!r}, and a {type(value).__name__} has no content that could be compared")
 
 
+def _fields(one: Any) -> Any:
+    """Return the names of the fields of a type and of its parts, in their order.
+
+    What numba prints of a tuple does not say it, and machine code reads a field by its place.
+    """
+    if hasattr(one, "field_dict"):
+        return [(name, _fields(part)) for name, part in one.field_dict.items()]
+    return getattr(one, "fields", ()), [_fields(part) for part in getattr(one, "types", ())]
+
+
 _LIBRARIES = ("math", "numpy", "numba")
 
 
@@ -211,7 +221,9 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         if not self._known:
             super().__init__(self._function)
             self._known = True
-        key = hashlib.blake2b(repr(self._index_key(sig, codegen)).encode(), digest_size=6).hexdigest()
+        types = getattr(sig, "args", sig)  # a `cfunc` has a signature, an entry point the types of its arguments
+        content = repr((self._index_key(sig, codegen), [_fields(one) for one in types]))
+        key = hashlib.blake2b(content.encode(), digest_size=6).hexdigest()
         self._cache_file = IndexDataCacheFile(
             cache_path=self._cache_path,
             filename_base=f"{self._impl.filename_base}-{key}",

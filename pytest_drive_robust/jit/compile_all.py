@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from types import FunctionType, ModuleType
@@ -19,6 +20,8 @@ from pytest_drive_robust.jit.signatures import argument_types
 Tell = Callable[[int, int], None]
 _WHOLE = 128
 """Added to the number of a group: it is in the cache. There are fewer groups."""
+_ASK_S, _PATIENCE_S = 5.0, 300.0
+"""How often to ask whether another process still compiles, and for how long: it may have been stopped meanwhile."""
 _YIELDING = 10
 """How much nicer than others processes are that compile while these drive."""
 
@@ -28,7 +31,7 @@ def compile_all(*, processes: int, tell: Tell = lambda done, total: None) -> int
 
     `tell(done, total)` hears how many functions of those to be compiled are finished. Without `processes` (fewer than
     two, or where a process with several threads cannot be forked) everything is compiled here. Another process that
-    does the same is waited for first: it leaves in the cache what we would compile.
+    does the same is waited for first, some minutes at most: it leaves in the cache what we would compile.
     """
     return Compilation(ENTRIES, processes=processes, tell=tell).missing
 
@@ -48,7 +51,7 @@ class Compilation:
         self._held = ExitStack()
         missing = _missing()
         if missing:
-            self._wait_for_others()
+            self._wait_for_others([one for one in missing if one in first] or missing)
             missing = _missing()
         self.missing = len(missing)
         early = [one for one in missing if one in first]
@@ -81,11 +84,31 @@ class Compilation:
         if self.news is None:
             self._end()
 
-    def _wait_for_others(self) -> None:
-        """Wait until no other process compiles for the same cache; where nothing can be written, do not wait."""
+    def _wait_for_others(self, awaited: Sequence[Any]) -> None:
+        """Wait until no other process compiles for the same cache; where nothing can be written, do not wait.
+
+        Say so once, and go on without the lock after some minutes: two that compile the same write the same.
+        """
         with suppress(OSError):
             cache_folder().mkdir(parents=True, exist_ok=True)
-            self._held.enter_context(filelock.FileLock(cache_folder() / "compiling.lock"))
+            lock, until_s = filelock.FileLock(cache_folder() / "compiling.lock"), time.monotonic() + _PATIENCE_S
+            said = False
+            while not self._takes(lock):
+                if not said:
+                    _say(f"another process compiles for the cache {cache_folder()}, waiting for what it leaves")
+                    self._tell(0, _count(awaited))
+                said = True
+                if time.monotonic() >= until_s:
+                    _say(f"another process has held {lock.lock_file} for {_PATIENCE_S:.0f} s, compiling without it")
+                    return
+
+    def _takes(self, lock: filelock.BaseFileLock) -> bool:
+        """Take a lock, until all is compiled; return False when another process has it for `_ASK_S`."""
+        try:
+            self._held.enter_context(lock.acquire(timeout=_ASK_S))
+        except filelock.Timeout:
+            return False
+        return True
 
     def _fork(self, groups: list[list[Any]], processes: int) -> None:
         """Let forked processes take one group after the other; each says when it finished a function, and all of them.
@@ -128,6 +151,10 @@ class Compilation:
                 os.waitpid(child, 0)
         self._held.close()
         _compile(ENTRIES)
+
+
+def _say(text: str) -> None:
+    print(f"drive-robust: {text}", file=sys.stderr, flush=True)
 
 
 def missing_functions() -> int:

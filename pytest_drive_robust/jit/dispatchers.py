@@ -12,24 +12,34 @@ from typing import Any
 import numba
 from numba import types
 
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.jit.cache import KernelCache
+from pytest_drive_robust.jit.kernels import NOT_COMPILED
 from pytest_drive_robust.jit.libraries import PartCompiler, WholeCompiler
 
 
 def cached_entry(function: Callable[..., Any]) -> Any:
-    """Return the dispatcher of an entry point that is kept in the cache."""
+    """Return the dispatcher of an entry point that is kept in the cache. Raises as `uncached_entry` does."""
     dispatcher = uncached_entry(function)
     dispatcher._cache = KernelCache(function)
     return dispatcher
 
 
 def uncached_entry(function: Callable[..., Any]) -> Any:
-    """Return the dispatcher of an entry point that is kept nowhere."""
+    """Return the dispatcher of an entry point that is kept nowhere. Raises `UsageError` where nothing is compiled."""
+    _refuse_to_interpret()
     return numba.njit(error_model="numpy", pipeline_class=WholeCompiler)(function)
+
+
+def _refuse_to_interpret() -> None:
+    """Raise `UsageError` where numba would leave functions to Python: kernels are not written for it."""
+    if numba.config.DISABLE_JIT:
+        raise UsageError(NOT_COMPILED)
 
 
 def inner(function: Callable[..., Any]) -> Any:
     """Return the dispatcher of a part."""
+    _refuse_to_interpret()
     options: dict[str, Any] = {"error_model": "numpy", "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
     dispatcher: Any = numba.njit(pipeline_class=PartCompiler, **options)(function)
     template = dispatcher.get_call_template

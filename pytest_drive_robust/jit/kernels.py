@@ -6,10 +6,25 @@ A run that drives nothing, because every episode is in the store, imports agents
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
+from pytest_drive_robust.errors import UsageError
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+NOT_COMPILED = (
+    "NUMBA_DISABLE_JIT is set, but the world needs compiled kernels: unset it, for this command at least "
+    "(`env -u NUMBA_DISABLE_JIT pytest ...`). Coverage does not see into kernels either way."
+)
+
+
+def require_compiling() -> None:
+    """Raise `UsageError` where the environment keeps numba from compiling; numba is not loaded for it."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "").strip() not in ("", "0"):
+        raise UsageError(NOT_COMPILED)
 
 
 class Kernel:

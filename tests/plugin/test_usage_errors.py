@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import pytest
 
 GREEN = "DS under clean >= 90"
@@ -164,3 +166,13 @@ def test_a_severity_below_one_tick_is_refused_before_anything_is_driven(suite, d
     output = refused(suite("RD under 20 ms latency <= 0.30"), *workers)
     assert "InferenceLatency: ms is 20.0, expected 0 or at least one tick, which lasts 0.05 s" in output
     assert driven() == []
+
+
+def test_an_environment_that_keeps_kernels_from_being_compiled_is_refused(suite, pytester, monkeypatch):
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    output = refused(suite(GREEN), "--drive-sim", "embedded", "--drive-agent", "steady", "--drive-routes", "101")
+    assert "NUMBA_DISABLE_JIT is set, but the world needs compiled kernels: unset it" in output
+    checked = pytester.run(sys.executable, "-m", "pytest_drive_robust.cli", "routes", "check", "101")
+    assert checked.ret == 4
+    checked.stderr.fnmatch_lines("*NUMBA_DISABLE_JIT is set, but the world needs compiled kernels: unset it*")
+    checked.stderr.no_fnmatch_line("*Traceback*")

@@ -8,10 +8,8 @@ from collections.abc import Callable
 from pytest_drive_robust.jit import compile_all
 from pytest_drive_robust.jit.compile_all import Compilation
 from pytest_drive_robust.jit.kernels import ENTRIES
-from pytest_drive_robust.simulators.embedded import world
+from pytest_drive_robust.simulators.embedded import world  # noqa: F401 - importing it makes its kernels known
 
-_WITH_KERNELS = (world,)
-"""Importing it makes its kernels known."""
 Tell = Callable[[int, int], None]
 
 

@@ -133,14 +133,17 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
             if _between(before, heading) > WRONG_WAY_JUMP_RAD:
                 ints[c.CI_WRONG_WAY] = 1 - ints[c.CI_WRONG_WAY]
     ints[c.CI_LAST_LANE] = lane
-    allowed = _both_ways(world)
+    allowed = _count_to_both_ways(world)
     if outside or (ints[c.CI_WRONG_WAY] == 1 and not allowed):
         world.criteria[c.C_OUTSIDE_M] += gained
 
 
 @inner
-def _both_ways(world: WorldArrays) -> bool:
-    """Return whether the scenario allows to drive against the traffic now, some seconds after the ego came near."""
+def _count_to_both_ways(world: WorldArrays) -> bool:
+    """Count this tick once the ego has come near; return whether the scenario allows to drive against the traffic now.
+
+    It does some seconds after that. Call it once a tick, whether or not the answer is needed.
+    """
     if world.two_ways == c.TWO_WAYS_NEVER or world.clock[1] < 0:
         return False
     criteria, near = world.criteria, world.two_ways_near
@@ -177,14 +180,19 @@ def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, q
 
 @inner
 def _red_lights(world: WorldArrays) -> None:
-    """Note when the tail of the ego crosses the stop line of a red light, heading with it."""
+    """Note when the tail of the ego crosses the stop line of a red light, heading with it.
+
+    Lines are wider than their lanes, so a tail between two lanes crosses both: one light counts once, as the original
+    counts it by the light's id.
+    """
     ego = world.ego
     half = world.ego_length_m / 2.0
     ch, sh = cos_sin(ego[c.EGO_YAW])
     ax, ay = ego[c.EGO_X] - 0.8 * half * ch, ego[c.EGO_Y] - 0.8 * half * sh
     bx, by = ego[c.EGO_X] - (half + 1.0) * ch, ego[c.EGO_Y] - (half + 1.0) * sh
     for k in range(len(world.stop_lines)):
-        if world.stop_is_light[k] == 0 or world.lights[k] != _RED or world.criteria_ints[c.CI_LAST_LIGHT] == k:
+        light = world.stop_light[k]
+        if world.stop_is_light[k] == 0 or world.lights[k] != _RED or world.criteria_ints[c.CI_LAST_LIGHT] == light:
             continue
         x, y, heading, width = world.stop_lines[k]
         if hypot(x - ego[c.EGO_X], y - ego[c.EGO_Y]) > LIGHT_RADIUS_M or cos(heading - ego[c.EGO_YAW]) < 0.2:
@@ -192,7 +200,7 @@ def _red_lights(world: WorldArrays) -> None:
         ahead_x, ahead_y = cos_sin(heading)
         rx, ry = -ahead_y * 0.6 * width, ahead_x * 0.6 * width
         if _crosses(ax, ay, bx, by, x - rx, y - ry, x + rx, y + ry):
-            world.criteria_ints[c.CI_LAST_LIGHT] = k
+            world.criteria_ints[c.CI_LAST_LIGHT] = light
             note(world, c.EVENT_RED_LIGHT, float(k), 0.0)
 
 

@@ -9,7 +9,7 @@ from math import fsum
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.arithmetic import scalars
+from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
@@ -18,9 +18,12 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, projec
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
 from pytest_drive_robust.simulators.embedded.traced.schema import is_official
-from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route
+from pytest_drive_robust.simulators.embedded.traced.traced_route import TRIGGER_OFF_M, trace_route
 
-_LONGEST_M = 20_000.0
+_SHORTEST_M, _LONGEST_M = 20.0, 20_000.0
+"""A shorter route would be completed where it starts."""
+_ROUNDED_M = 0.5
+"""A trigger at either end may be rounded to beyond it."""
 _OFF_CENTRE_M = 0.1
 """A lane change begins and ends where the route is nearer than this to the centre of a lane."""
 
@@ -135,9 +138,9 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
     steps = pairwise(route.waypoints)
     length = fsum(scalars.hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in steps)
-    if not length <= _LONGEST_M:
+    if not _SHORTEST_M <= length <= _LONGEST_M:
         raise RouteError(
-            f"route {route.id}: its waypoints are {length:.3g} m long, expected {_LONGEST_M:.0f} m at most"
+            f"route {route.id}: its waypoints are {length:.3g} m long, expected {_SHORTEST_M:.0f} to {_LONGEST_M:.0f} m"
         )
     traced = trace_route(route) if is_official(route.town) else None
     town = compile_town(route.town) if traced is None else traced.town
@@ -153,6 +156,20 @@ def lay_route(route: Route) -> DenseRoute:
         )
     limits = np.array([lane_map.lanes[k].speed_limit_mps for k in lanes])
     rows = np.column_stack([line, limits])
-    trigger = route.scenario.trigger
-    trigger_m = traced.trigger_m if traced else project(line, trigger.x_m, trigger.y_m)[0]
+    trigger_m = traced.trigger_m if traced else _trigger_m(route, line)
     return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m, town)
+
+
+def _trigger_m(route: Route, line: Floats) -> float:
+    """Return how far along the route its scenario starts. Raises `RouteError` where it never would."""
+    trigger = route.scenario.trigger
+    along, _ = project(line, trigger.x_m, trigger.y_m)
+    off = float(arrays.hypot(line[:, 0] - trigger.x_m, line[:, 1] - trigger.y_m).min())
+    length = float(arc_lengths(line)[-1])
+    if not (off <= TRIGGER_OFF_M and -_ROUNDED_M <= along <= length + _ROUNDED_M):
+        raise RouteError(
+            f"route {route.id}: <trigger_point> ({trigger.x_m:.1f}, {trigger.y_m:.1f}) is {off:.1f} m from its "
+            f"waypoints, {along:.1f} m from the start; expected {TRIGGER_OFF_M:.0f} m at most, and between 0 and the "
+            f"{length:.1f} m of the route: elsewhere its scenario would never start"
+        )
+    return along

@@ -200,12 +200,18 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help=f"0 to {SEEDS - 1}; no two seeds share a town")
     parser.add_argument("--per-type", type=int, default=5, help="routes of each scenario type")
     given = parser.parse_args(argv)
+    if given.file.is_dir():
+        parser.exit(
+            1, f"{given.file} is a directory: give the name of a file in it, such as {given.file / 'mine.xml'}\n"
+        )
     try:
         routes = draw_routes(seed=given.seed, per_type=given.per_type)
+        given.file.parent.mkdir(parents=True, exist_ok=True)
+        save_routes(routes, given.file)
     except RouteError as error:
         parser.exit(1, f"{error}\n")
-    given.file.parent.mkdir(parents=True, exist_ok=True)
-    save_routes(routes, given.file)
+    except OSError as error:
+        parser.exit(1, f"{given.file} cannot be written: {error.filename or 'a file'}: {error.strerror or error}\n")
     print(f"{given.file}: {len(routes)} routes of {len(SCENARIOS)} scenario types, seed {given.seed}")
     return 0
 

@@ -13,11 +13,17 @@ from dataclasses import fields
 from pathlib import Path
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
-from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.traced.schema import is_official, problems_of
+from pytest_drive_robust.errors import RouteError, nearest
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, is_numeric, is_official, problems_of
 
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
 """Degrees; all others are percentages."""
+_SHARE = "route_percentage"
+_OF_CARLA = (
+    "dust_storm", "fog_distance", "fog_falloff", "mie_scattering_scale", "rayleigh_scattering_scale",
+    "scattering_intensity",
+)  # fmt: skip
+"""Attributes of `carla.WeatherParameters` that our worlds do not show."""
 _CARLA_DEFAULT = -1.0
 """A percentage of -1 leaves the choice to CARLA; ours is then the default, too."""
 
@@ -27,7 +33,11 @@ def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
 
     Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Files
     of the leaderboard are checked for what their scenario types need, too; where anything is wrong, also for whether a
-    road can be built around their waypoints, so that one reading tells everything.
+    road can be built around their waypoints, so that one reading tells everything. On other towns, elements that no
+    scenario of ours reads are refused, where the leaderboard's files have some that mean something to CARLA alone.
+
+    A route has one weather. Where a file of the leaderboard has several, the one with the lowest `route_percentage` is
+    the route's, that of its start; for other towns all of them must be the same.
     """
     from defusedxml.common import DefusedXmlException
     from defusedxml.ElementTree import parse
@@ -64,7 +74,7 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
         except RouteError as error:
             problems.append(str(error))
             continue
-        wrong = problems_of(route.scenario) if is_official(route.town) else []
+        wrong = _wrong_elements(route)
         if wrong:
             problems.append(f"route {route.id}: {'; '.join(wrong)}")
         elif route.id in seen:
@@ -73,6 +83,13 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
             seen.add(route.id)
             routes.append(route)
     return routes, problems
+
+
+def _wrong_elements(route: Route) -> list[str]:
+    ours = not is_official(route.town)
+    if ours and route.scenario.type not in SCHEMA:
+        return []  # for the world to say that drives there: it may know more types
+    return problems_of(route.scenario, ours=ours)
 
 
 def _misfit(route: Route) -> str | None:
@@ -133,10 +150,13 @@ def _route(element: ElementTree.Element) -> Route:
     scenarios = element.findall("scenarios/scenario")
     if len(scenarios) != 1:
         raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
-    return Route(route_id, town, waypoints, _scenario(scenarios[0], where), _weather(element, where))
+    official = is_official(town)
+    scenario = _scenario(scenarios[0], where, strict=not official)
+    return Route(route_id, town, waypoints, scenario, _weather(element, where, official=official))
 
 
-def _scenario(element: ElementTree.Element, where: str) -> ScenarioSpec:
+def _scenario(element: ElementTree.Element, where: str, *, strict: bool) -> ScenarioSpec:
+    """Read a scenario; a `strict` reading leaves out nothing, so that what has no effect can be refused."""
     kind = element.get("type")
     if not kind:
         raise RouteError(f"{where}: <scenario> has no type")
@@ -149,20 +169,42 @@ def _scenario(element: ElementTree.Element, where: str) -> ScenarioSpec:
     for child in element:
         if child.tag == "trigger_point":
             continue
+        if strict and is_numeric(child.tag):
+            parameters[child.tag] = {name: _number(child, name, where) for name in child.attrib}
+            continue
         numbers = {name: number for name, text in child.attrib.items() if (number := _finite(text)) is not None}
         if numbers:
             parameters[child.tag] = numbers
         elif "value" in child.attrib:
             texts[child.tag] = child.attrib["value"]
+        elif strict:
+            texts[child.tag] = ""
     return ScenarioSpec(element.get("name") or f"{kind}_1", kind, at, parameters, texts)
 
 
-def _weather(element: ElementTree.Element, where: str) -> Weather:
-    first = element.find("weathers/weather")
-    if first is None:
+def _weather(element: ElementTree.Element, where: str, *, official: bool) -> Weather:
+    found = []
+    for each in element.findall("weathers/weather"):
+        share = _number(each, _SHARE, where) if _SHARE in each.attrib else 0.0
+        found.append((share, _one_weather(each, where, official=official)))
+    if not found:
         return Weather()
+    if not official and len({weather for _, weather in found}) > 1:
+        raise RouteError(
+            f"{where}: its {len(found)} <weather> elements differ, but the weather of a route does not change: keep "
+            "one, or give all of them the same values"
+        )
+    return min(found, key=lambda one: one[0])[1]
+
+
+def _one_weather(element: ElementTree.Element, where: str, *, official: bool) -> Weather:
     names = [field.name for field in fields(Weather)]
-    given = {name: _number(first, name, where) for name in names if name in first.attrib}
+    for name in element.attrib:
+        if name not in (*names, _SHARE, *(_OF_CARLA if official else ())):
+            close = nearest(name, names)
+            hint = f", did you mean {close!r}?" if close else "."
+            raise RouteError(f"{where}: <weather> has no attribute {name!r}{hint} Known: {_SHARE}, {', '.join(names)}")
+    given = {name: _number(element, name, where) for name in names if name in element.attrib}
     for name, number in tuple(given.items()):
         if number == _CARLA_DEFAULT and name not in _WEATHER_RANGES:
             del given[name]

@@ -36,7 +36,8 @@ def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
     passed = float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
     here = int(world.state.clock[0]), float(world.state.ego[c.EGO_X]), float(world.state.ego[c.EGO_Y])
     outside = float(world.state.criteria[c.C_OUTSIDE_M])
-    infractions = [*_infractions(world), *closing_infractions(end, outside_m=outside, passed_m=passed, here=here)]
+    at_the_end = closing_infractions(end, outside_m=outside, passed_m=passed, strayed=_strayed(world), here=here)
+    infractions = [*_infractions(world), *at_the_end]
     still_s = float(world.state.criteria[c.C_STILL_S])
     ratios = [row[c.EV_VALUE] for row in _events(world) if row[c.EV_KIND] == c.EVENT_SPEED]
     return EpisodeScore(
@@ -48,6 +49,12 @@ def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
         speed_ratios_pct=tuple(float(ratio) for ratio in ratios),
         junction_passed=_junction_passed(world),
     )
+
+
+def _strayed(world: World) -> bool:
+    from pytest_drive_robust.simulators.embedded.criteria import DEVIATION_SHARE  # with the world, which loads numba
+
+    return float(world.state.criteria[c.C_OFFROUTE_M]) > DEVIATION_SHARE * world.dense.length_m
 
 
 def _events(world: World) -> np.typing.NDArray[np.float64]:
@@ -75,16 +82,22 @@ def _infractions(world: World) -> list[Infraction]:
 
 
 def closing_infractions(
-    end: End, *, outside_m: float, passed_m: float, here: tuple[int, float, float]
+    end: End, *, outside_m: float, passed_m: float, strayed: bool, here: tuple[int, float, float]
 ) -> list[Infraction]:
     """Return what is known at the end only, at this tick and place of the ego (x, y in metres).
 
-    `outside_m` of the `passed_m` metres of the route were driven outside its lanes.
+    `outside_m` of the `passed_m` metres of the route were driven outside its lanes. `strayed`: so much of it was driven
+    far from it that this alone ends an episode.
     """
     tick, x, y = here
     found = []
     if end is End.DEVIATED:
-        found.append(Infraction(InfractionKind.DEVIATION, tick, "left the route by more than 30 m", x, y))
+        detail = (
+            "went more than 15 m from the route for more than 30 % of it"
+            if strayed
+            else "left the route by more than 30 m"
+        )
+        found.append(Infraction(InfractionKind.DEVIATION, tick, detail, x, y))
     if end is End.BLOCKED:
         found.append(Infraction(InfractionKind.BLOCKED, tick, "stood still for more than 60 s", x, y))
     if outside_m > 0.0 and passed_m > 0.0:

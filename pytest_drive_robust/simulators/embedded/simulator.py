@@ -15,6 +15,7 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.jit.kernels import require_compiling
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.routes import is_shipped
@@ -79,8 +80,10 @@ class EmbeddedSimulator:
     def check_route(self, route: Route) -> None:
         """Raise `UsageError` when the route's town, way or scenario cannot be built; build it once to see.
 
-        Those that we ship can be built, so that a process that only judges on them loads no world.
+        Those that we ship can be built, so that a process that only judges on them loads no world. Nothing can be
+        where numba may not compile.
         """
+        require_compiling()
         if not is_shipped(route):
             self._build(route, 0)
 

@@ -89,6 +89,7 @@ class Statics(NamedTuple):
     lane_junction: Ints1  # (lanes,)
     stop_lines: Floats2  # (stop lines, 4): x, y, heading, width
     stop_is_light: Ints1  # (stop lines,)
+    stop_light: Ints1  # (stop lines,): equal for the lines that one light governs, side by side on the same way
     light_states: Ints2  # (stop lines, phases)
     light_until_s: Floats2  # (stop lines, phases): phase ends so many seconds after the scenario started
     light_before: Ints1  # (stop lines,): state before the scenario starts

@@ -65,7 +65,9 @@ class EpisodeCriteria:
         outside_m = self._outside_m
         if end is End.ENVIRONMENT and self._off_road:
             outside_m = max(outside_m, 1.0)  # the environment stopped in the tick in which the ego left the road
-        at_the_end = closing_infractions(end, outside_m=min(outside_m, passed_m), passed_m=passed_m, here=here)
+        at_the_end = closing_infractions(
+            end, outside_m=min(outside_m, passed_m), passed_m=passed_m, strayed=self._strayed, here=here
+        )
         if passed_m > constants.LAST_CHECKPOINT_SHARE * self._line.length_m:
             self._close_checkpoint()
         stopped = "crashed" if self._crashed else "off the road" if self._off_road else "before the end of the route"
@@ -142,6 +144,10 @@ class EpisodeCriteria:
             self._off_route_m += float(self._line.s[self._nearest] - self._line.s[before])
         return best
 
+    @property
+    def _strayed(self) -> bool:
+        return self._off_route_m > constants.DEVIATION_SHARE * self._line.length_m
+
     def _end(self, state: WorldState, options: SimulatorOptions) -> End | None:
         ego, last = state.ego, self._line.rows[-1]
         away = self._off_route(state)
@@ -149,7 +155,7 @@ class EpisodeCriteria:
         done = 100.0 * self.progress_m / self._line.length_m > constants.COMPLETE_PCT
         if to_go < constants.COMPLETE_M and not self._crashed and (done or (self._road.ended and not self._off_road)):
             return End.COMPLETED
-        if away >= constants.DEVIATION_M or self._off_route_m > constants.DEVIATION_SHARE * self._line.length_m:
+        if away >= constants.DEVIATION_M or self._strayed:
             return End.DEVIATED
         if self._road.ended:
             return End.ENVIRONMENT

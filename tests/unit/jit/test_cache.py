@@ -9,12 +9,15 @@ import sys
 import time
 from pathlib import Path
 from types import ModuleType
+from typing import NamedTuple
 
 import numba
 import pytest
+from numba.core.registry import cpu_target
 
 from pytest_drive_robust.jit.cache import KernelCache, cache_folder, content_digest
 from pytest_drive_robust.jit.kernels import ENTRIES
+from pytest_drive_robust.jit.signatures import numba_type
 
 TEXT = """
 import numpy as np
@@ -132,3 +135,20 @@ def test_what_cannot_be_compared_is_refused(tmp_path: Path) -> None:
     text = TEXT.replace("FACTOR = 2.0", "FACTOR = object()")
     with pytest.raises(TypeError, match="a object has no content"):
         content_digest(written(tmp_path / "a", text).whole)
+
+
+def test_fields_in_another_order_are_other_machine_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def first_file(fields: list[str]) -> str:
+        pair = NamedTuple("Pair", [(name, float) for name in fields])  # type: ignore[misc]
+
+        def difference(pair, scale):  # type: ignore[no-untyped-def]
+            return scale[0][0] * (pair.far - pair.near)
+
+        cache = KernelCache(difference)
+        types = numba_type(pair), numba_type(tuple[tuple[pair, float], float])  # type: ignore[valid-type]
+        cache._open(types, cpu_target.target_context.codegen())
+        return str(cache._cache_file._index_path)
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    names = [first_file(fields) for fields in (["near", "far"], ["near", "far"], ["far", "near"])]
+    assert names[0] == names[1] != names[2]

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import filelock
 import numba
 import numpy as np
 import pytest
@@ -141,4 +142,29 @@ def test_where_nothing_can_be_written_all_is_compiled_here(some: list[object], t
     (tmp_path / "pytest-drive-robust").write_text("a file, where the folder should be")
     assert not cache_folder().is_dir()
     assert compile_all.compile_all(processes=1) == 3
+    assert values(some) == [15.0, 16.0, 7.0]
+
+
+@pytest.mark.parametrize("goes_on", [True, False], ids=["the other ends", "the other hangs"])
+def test_another_process_that_compiles_is_named_and_not_waited_for_without_end(
+    some: list[object], goes_on: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(compile_all, "_ASK_S", 0.1)
+    monkeypatch.setattr(compile_all, "_PATIENCE_S", 600.0 if goes_on else 0.3)
+    cache_folder().mkdir(parents=True)
+    other = filelock.FileLock(cache_folder() / "compiling.lock")
+    told: list[tuple[int, int]] = []
+
+    def tell(done: int, total: int) -> None:
+        told.append((done, total))
+        if goes_on:
+            other.release()
+
+    with other:
+        assert compile_all.compile_all(processes=1, tell=tell) == 3
+    said = capsys.readouterr().err
+    assert said.count("another process compiles for the cache") == 1
+    assert str(cache_folder()) in said
+    assert ("compiling without it" in said) is not goes_on
+    assert told[0] == (0, 5)
     assert values(some) == [15.0, 16.0, 7.0]

@@ -29,6 +29,8 @@ _POOL_M = 9.5
 _BRIGHTER = 3.4
 _BRIGHTEST = 150.0
 _FARTHEST_M = 70.0
+_FLATTEST = -0.01
+"""A row of pixels that falls less than this shows no ground."""
 _0, _1, _255 = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 _FADE, _DARKER = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(1.0 / (3.0 * _BRIGHTEST))
 _GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
@@ -91,14 +93,16 @@ def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: flo
     """Brighten the ground below the lamps at `places` by `strength` 0..1; what is bright already gains less."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
+    nearest_m = _nearest_ground_m(view, height)
     for lamp in range(len(places)):
         towards = places[lamp, 2]
         dx = places[lamp, 0] + _ARM_M * compiled.cos(towards) - view.x_m
         dy = places[lamp, 1] + _ARM_M * compiled.sin(towards) - view.y_m
         ahead, aside = dx * view.cos_yaw + dy * view.sin_yaw, dy * view.cos_yaw - dx * view.sin_yaw
-        if ahead < -_POOL_M or ahead > _FARTHEST_M:
+        if ahead < nearest_m - _POOL_M or ahead > _FARTHEST_M:
             continue
-        if abs(aside) - _POOL_M > (ahead + _POOL_M) * 0.5 * width / view.focal_px:
+        deepest = (ahead + _POOL_M) * view.cos_pitch - view.z_m * view.sin_pitch
+        if abs(aside) - _POOL_M > deepest * 0.5 * width / view.focal_px:
             continue
         gain = (
             strength * _BRIGHTER * compiled.exp(-haze_per_m * max(ahead, 0.0)) * (1.0 - max(ahead, 0.0) / _FARTHEST_M)
@@ -106,12 +110,22 @@ def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: flo
         for row in range(row_of(ahead + _POOL_M, view, height), row_of(ahead - _POOL_M, view, height) + 1):
             up = (0.5 * height - row - 0.5) / view.focal_px
             rise = view.sin_pitch + up * view.cos_pitch
-            if rise > -0.01:
+            if rise > _FLATTEST:
                 continue
             depth = -view.z_m / rise
             forward = depth * (view.cos_pitch - up * view.sin_pitch) - ahead
             if abs(forward) < _POOL_M:
                 _pool_row(colours[row], faces[row], forward, aside, depth / view.focal_px, gain)
+
+
+@inner
+def _nearest_ground_m(view: CameraView, height: int) -> float:
+    """Return how far ahead the ground in the bottom row is: below 0 for a camera that looks down; 0 without ground."""
+    up = (0.5 - 0.5 * height) / view.focal_px
+    rise = view.sin_pitch + up * view.cos_pitch
+    if rise > _FLATTEST:
+        return 0.0
+    return -view.z_m / rise * (view.cos_pitch - up * view.sin_pitch)
 
 
 @inner

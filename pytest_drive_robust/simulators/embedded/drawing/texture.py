@@ -18,9 +18,11 @@ from pytest_drive_robust.simulators.embedded.drawing.paint import GroundSheet, R
 _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
 _NEAR_TEXEL_M = 0.1
+_MOST_TEXELS = 100_000_000
+"""In the near region: texels are coarser around routes so long that a gigabyte would not hold them."""
 _NEAR_LEVELS = 2
 _LEVELS = 7
-_CACHED_TEXTURES = 12
+_CACHED_TEXTURES, _CACHED_BYTES = 12, 256 * 2**20
 
 _MATERIALS = np.array(
     ((104, 124, 72), (150, 148, 144), (176, 174, 168), (84, 86, 92), (98, 98, 100), (118, 82, 74)), np.float64
@@ -52,16 +54,29 @@ _lock = threading.Lock()
 def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
     """Return the ground of `lane_map` around the points `around` (n, 2 or more).
 
-    The ones used last are kept, by their content: a process drives few maps many times.
+    The ones used last are kept, by their content, up to 256 MiB: a process drives few maps many times.
     """
-    near = Region.around(around, _NEAR_MARGIN_M, texel_m=_NEAR_TEXEL_M)
-    wide = Region.around(around, _WIDE_MARGIN_M, texel_m=_NEAR_TEXEL_M * 2 ** (_NEAR_LEVELS - 1))
+    near, wide = texture_regions(around)
     key = _digest(lane_map, near, wide)
     with _lock:
         _kept[key] = _kept.pop(key) if key in _kept else _build(lane_map, near, wide)
-        while len(_kept) > _CACHED_TEXTURES:
+        while len(_kept) > 1 and (len(_kept) > _CACHED_TEXTURES or _kept_bytes() > _CACHED_BYTES):
             _kept.popitem(last=False)
         return _kept[key]
+
+
+def texture_regions(around: Floats) -> tuple[Region, Region]:
+    """Return the regions of the first and of the wide levels; texels of 0.1 m, twice as large as often as it takes."""
+    texel_m = _NEAR_TEXEL_M
+    near = Region.around(around, _NEAR_MARGIN_M, texel_m=texel_m)
+    while near.columns * near.rows > _MOST_TEXELS:
+        texel_m *= 2.0
+        near = Region.around(around, _NEAR_MARGIN_M, texel_m=texel_m)
+    return near, Region.around(around, _WIDE_MARGIN_M, texel_m=texel_m * 2 ** (_NEAR_LEVELS - 1))
+
+
+def _kept_bytes() -> int:
+    return sum(texture.texels.nbytes for texture in _kept.values())
 
 
 def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:

@@ -13,11 +13,14 @@ from enum import Enum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import nearest
 
-_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{2}(?:HD)?(?:_Opt)?")
+_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{1,6}(?:HD)?(?:_Opt)?")
 
 
 def is_official(town: str) -> bool:
-    """Return whether a town's name is one of the CARLA leaderboard's: `Town01` to `Town15`, `Town10HD`."""
+    """Return whether a town's name is one as the CARLA leaderboard has: `Town01` to `Town15`, `Town10HD`.
+
+    Any other number is for polylines of one's own: `Town1`, `Town77`, `Town123`.
+    """
     return _OFFICIAL_TOWN.fullmatch(town) is not None
 
 
@@ -143,8 +146,19 @@ SCHEMA: dict[str, TypeSchema] = {
 """Every scenario type by its name in the route XML."""
 
 
-def problems_of(spec: ScenarioSpec) -> list[str]:
-    """Return what is wrong with a scenario of an official route file; empty when nothing is."""
+_PLACES = frozenset(name for schema in SCHEMA.values() for name in (*schema.locations, *schema.optional_locations))
+
+
+def is_numeric(element: str) -> bool:
+    """Return whether the attributes of a parameter element of this name are numbers."""
+    return element in _RANGES or element in _PLACES
+
+
+def problems_of(spec: ScenarioSpec, *, ours: bool = False) -> list[str]:
+    """Return what is wrong with a scenario of a route file; empty when nothing is.
+
+    On a town of `ours` no place has to be given, and there may be no element that none of our scenarios reads.
+    """
     schema = SCHEMA.get(spec.type)
     if schema is None:
         close = nearest(spec.type, sorted(SCHEMA))
@@ -154,13 +168,34 @@ def problems_of(spec: ScenarioSpec) -> list[str]:
     for name in _RANGES:
         found += _bad_numbers(spec, name, ("from", "to", "value") if name in _INTERVALS else ("value",))
     for name in (*schema.locations, *schema.optional_locations):
-        found += _bad_location(spec, name, needed=name in schema.locations)
+        found += _bad_location(spec, name, needed=not ours and name in schema.locations)
+    if ours:
+        found += _without_effect(spec, schema)
     direction = spec.texts.get("direction")
     if "direction" in spec.parameters or (
         direction is not None and schema.directions and direction not in schema.directions
     ):
         given = direction if direction is not None else spec.parameters["direction"]
         found.append(f"<direction> is {given!r}, expected {' or '.join(schema.directions or _BEARINGS)}")
+    return found
+
+
+def _without_effect(spec: ScenarioSpec, schema: TypeSchema) -> list[str]:
+    """Return what is wrong with the names of elements and attributes: nothing would come of them."""
+    attributes: dict[str, tuple[str, ...]] = dict.fromkeys((*_RANGES, "direction"), ("value",))
+    attributes |= dict.fromkeys(_INTERVALS, ("from", "to", "value"))
+    attributes |= dict.fromkeys((*schema.locations, *schema.optional_locations), ("x", "y", "z"))
+    found = []
+    for element in (*spec.parameters, *spec.texts):
+        if element not in attributes:
+            close = nearest(element, attributes)
+            hint = f", did you mean {close!r}?" if close else ""
+            found.append(f"<{element}> is no element of {spec.type}{hint} (known: {', '.join(sorted(attributes))})")
+            continue
+        found += [
+            f"<{element}> has an attribute {other!r}, expected {', '.join(attributes[element])}"
+            for other in sorted({*spec.parameters.get(element, ())}.difference(attributes[element]))
+        ]
     return found
 
 
@@ -181,8 +216,8 @@ def _bad_numbers(spec: ScenarioSpec, name: str, attributes: tuple[str, ...]) -> 
 
 def _bad_location(spec: ScenarioSpec, name: str, *, needed: bool) -> list[str]:
     given = spec.parameters.get(name)
-    if given is None:
+    if given is None and name not in spec.texts:
         return [f"scenario {spec.type} needs <{name} x= y= z=>, which is missing"] if needed else []
-    if "x" not in given or "y" not in given:
+    if given is None or "x" not in given or "y" not in given:
         return [f"<{name}> has no finite x and y"]
     return []

@@ -21,7 +21,7 @@ from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, dr
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
 from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
 
-_TRIGGER_OFF_M = 25.0
+TRIGGER_OFF_M = 25.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +86,6 @@ def _trigger_m(line: Floats, spec: ScenarioSpec) -> float:
     at = spec.trigger
     along, _ = project(line, at.x_m, at.y_m)
     off = float(arrays.hypot(line[:, 0] - at.x_m, line[:, 1] - at.y_m).min())
-    if not off <= _TRIGGER_OFF_M:
-        raise RouteError(f"<trigger_point> is {off:.0f} m from its waypoints, expected {_TRIGGER_OFF_M:.0f} m at most")
+    if not off <= TRIGGER_OFF_M:
+        raise RouteError(f"<trigger_point> is {off:.0f} m from its waypoints, expected {TRIGGER_OFF_M:.0f} m at most")
     return float(np.clip(along, 0.0, arc_lengths(line)[-1]))

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.base import EpisodeScore
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -33,10 +35,10 @@ def teleport(simulator: EmbeddedSimulator, s_m: float, *, right_m: float = 0.0, 
     ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
 
 
-def emptied(scenario: str) -> EmbeddedSimulator:
+def emptied(scenario: str | Route) -> EmbeddedSimulator:
     """Return the start of a route with an empty road: only the criteria are under test."""
     simulator = EmbeddedSimulator()
-    simulator.reset(BY_TYPE[scenario], seed=0, cameras=())
+    simulator.reset(BY_TYPE[scenario] if isinstance(scenario, str) else scenario, seed=0, cameras=())
     state = simulator.world.state
     state.actor_ints[:, c.I_ACTIVE] = 0
     state.flow_ints[:, c.FI_FIRST_SLOT : c.FI_LAST_SLOT + 1] = 0
@@ -72,6 +74,24 @@ def test_the_middle_of_the_route_is_clean() -> None:
 def test_running_a_red_light_is_noted_once() -> None:
     score = glide("VanillaSignalizedTurnEncounterRedLight")
     assert kinds(score.infractions) == [InfractionKind.RED_LIGHT]
+
+
+@pytest.mark.parametrize("route_id", ["3202", "3402"])  # on the left and on the right one of two lanes
+@pytest.mark.parametrize("lanes_right", [0.0, -0.5, 0.5, -0.6, 0.6])
+def test_a_red_light_counts_once_however_many_of_its_lanes_the_ego_straddles(route_id: str, lanes_right: float) -> None:
+    simulator = emptied(next(route for route in named_routes("full") if route.id == route_id))
+    world = simulator.world
+    world.statics.light_before[:] = LightState.RED
+    world.statics.light_states[:] = LightState.RED
+    line = next(line for line in world.lane_map.stop_lines if line.lane == world.dense.lanes[0])
+    ego, cos, sin = world.state.ego, math.cos(line.heading_rad), math.sin(line.heading_rad)
+    right = lanes_right * line.width_m
+    for ahead in np.arange(-6.0, 12.0, 0.4):  # 8 m/s
+        ego[[c.EGO_X, c.EGO_Y]] = line.x_m + ahead * cos - right * sin, line.y_m + ahead * sin + right * cos
+        ego[[c.EGO_YAW, c.EGO_V]] = line.heading_rad, 8.0
+        simulator.step(Control())
+    noted = kinds(simulator.score().infractions).count(InfractionKind.RED_LIGHT)
+    assert noted == 1 or (noted == 0 and abs(lanes_right) > 0.5)
 
 
 def test_passing_a_stop_sign_without_a_stop_is_noted_once() -> None:
@@ -147,7 +167,10 @@ def test_metres_of_route_far_from_it_end_it_beyond_thirty_percent() -> None:
         return glide("DynamicObjectCrossing", right_m=lambda s: 16.0 if 20.0 < s < 20.0 + share * length_m else 0.0)
 
     assert far(0.25).end is End.COMPLETED
-    assert far(0.40).end is End.DEVIATED
+    strayed = far(0.40)
+    assert strayed.end is End.DEVIATED
+    (told,) = [i.detail for i in strayed.infractions if i.kind is InfractionKind.DEVIATION]
+    assert told == "went more than 15 m from the route for more than 30 % of it"
 
 
 def test_metres_that_lead_nowhere_are_not_those_of_the_route() -> None:
@@ -161,7 +184,8 @@ def test_metres_that_lead_nowhere_are_not_those_of_the_route() -> None:
 def test_thirty_metres_from_the_route_ends_it() -> None:
     score = glide("DynamicObjectCrossing", right_m=lambda s: 0.0 if s < 40.0 else 31.0)
     assert score.end is End.DEVIATED
-    assert InfractionKind.DEVIATION in kinds(score.infractions)
+    (told,) = [i.detail for i in score.infractions if i.kind is InfractionKind.DEVIATION]
+    assert told == "left the route by more than 30 m"
     assert 20.0 < score.route_completion_pct < 40.0
 
 

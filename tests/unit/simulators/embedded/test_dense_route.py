@@ -149,6 +149,15 @@ def test_a_route_may_lie_beside_the_middle_of_its_lane_but_not_off_the_road_or_a
         lay_route(route_on("Avenue6", line[::-1, :2]))
 
 
+@pytest.mark.parametrize("length_m", [0.0, 0.5, 19.0])
+def test_a_route_too_short_to_be_driven_is_refused(length_m: float) -> None:
+    start = compile_town("Street1").chain("road.f0")[20]
+    ends = tuple(Waypoint(float(start[0]) + s, float(start[1])) for s in (0.0, length_m))
+    route = Route("9", "Street1", ends, ScenarioSpec("x_1", "x", TriggerPoint(*start[:2], 0.0, 0.0)))
+    with pytest.raises(RouteError, match=rf"route 9: its waypoints are {length_m:g} m long, expected 20 to 20000 m"):
+        lay_route(route)
+
+
 @pytest.mark.parametrize(
     ("name", "chain", "commands", "stops"),
     [

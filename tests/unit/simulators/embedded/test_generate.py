@@ -166,3 +166,18 @@ def test_the_command_writes_a_file(
         main([str(tmp_path / "no.xml"), "--seed", "1000"])
     assert "seed 1000 draws no routes" in capsys.readouterr().err
     assert not (tmp_path / "no.xml").exists()
+
+
+def test_a_file_that_cannot_be_written_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    drawn: list[int] = []
+    monkeypatch.setattr(generate, "draw_routes", lambda *, seed, per_type: drawn.append(seed) or [])
+    with pytest.raises(SystemExit, match="1"):
+        main([str(tmp_path)])
+    assert f"{tmp_path} is a directory: give the name of a file in it" in capsys.readouterr().err
+    assert drawn == []
+    (tmp_path / "taken").write_text("a file")
+    with pytest.raises(SystemExit, match="1"):
+        main([str(tmp_path / "taken" / "mine.xml")])
+    assert capsys.readouterr().err.count("\n") == 1

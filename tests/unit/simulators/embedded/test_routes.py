@@ -13,6 +13,7 @@ import pytest
 
 from pytest_drive_robust.domain.route import RoadOption, Route
 from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
 from pytest_drive_robust.simulators.embedded.generate import draw_routes, main
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
@@ -23,6 +24,11 @@ GOOD = """<routes><route id="7" town="Street1"><waypoints>
 <position x="0" y="1.7" z="0"/><position x="50" y="1.7" z="0"/></waypoints>
 <scenarios><scenario name="HardBreakRoute_1" type="HardBreakRoute"><trigger_point x="5" y="1.7" z="0" yaw="0"/>
 <distance value="40"/><direction value="right"/><source_dist_interval from="15" to="28"/></scenario></scenarios>
+<weathers><weather route_percentage="0" fog_density="12"/></weathers></route></routes>"""
+DISTANCE = '<distance value="40"/>'
+STREET_TEXT = f"""<routes><route id="7" town="Street1"><waypoints>
+<position x="-50" y="1.8" z="0"/><position x="-10" y="1.8" z="0"/></waypoints><scenarios>
+<scenario name="s" type="Accident"><trigger_point x="-45" y="1.8" z="0" yaw="0"/>{DISTANCE}</scenario></scenarios>
 <weathers><weather route_percentage="0" fog_density="12"/></weathers></route></routes>"""
 
 
@@ -84,6 +90,79 @@ def test_a_broken_file_is_one_clear_error(tmp_path: Path, change: tuple[str, str
     assert expected in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (STREET_TEXT.replace(DISTANCE, '<distance value="abc"/>'), "<distance> has value='abc', expected a finite"),
+        (STREET_TEXT.replace(DISTANCE, '<distance value="-40"/>'), "<distance> has value=-40, expected 0 to 500"),
+        (STREET_TEXT.replace(DISTANCE, '<distance value="1e9"/>'), "<distance> has value=1e+09, expected 0 to 500"),
+        (STREET_TEXT.replace(DISTANCE, '<distance valeu="9"/>'), "<distance> has no value"),
+        (STREET_TEXT.replace(DISTANCE, '<distance valeu="far"/>'), "<distance> has valeu='far', expected a finite"),
+        (STREET_TEXT.replace(DISTANCE, '<distance value="40" x="1"/>'), "<distance> has an attribute 'x', expected v"),
+        (
+            STREET_TEXT.replace(DISTANCE, '<distnace value="90"/>'),
+            "<distnace> is no element of Accident, did you mean 'distance'?",
+        ),
+        (
+            STREET_TEXT.replace(DISTANCE, "<distnace/>"),
+            "<distnace> is no element of Accident, did you mean 'distance'?",
+        ),
+        (STREET_TEXT.replace(DISTANCE, '<start_actor_flow x="1" y="2"/>'), "<start_actor_flow> is no element of A"),
+        (STREET_TEXT.replace(DISTANCE, '<blocker_model value="van"/>'), "<blocker_model> is no element of Accident"),
+        (STREET_TEXT.replace(DISTANCE, '<direction value="lefft"/>'), "<direction> is 'lefft', expected left or right"),
+        (STREET_TEXT.replace('x="-45"', 'x="5000"'), "is 5010.0 m from its waypoints, 5050.0 m from the start"),
+        (STREET_TEXT.replace('x="-45"', 'x="-110"'), "is 60.0 m from its waypoints, -60.0 m from the start"),
+        (
+            STREET_TEXT.replace('x="-45"', 'x="0"'),
+            "50.0 m from the start; expected 25 m at most, and between 0 and the",
+        ),
+    ],
+)
+def test_what_would_have_no_effect_on_our_towns_is_refused(tmp_path: Path, text: str, says: str) -> None:
+    path = tmp_path / "own.xml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RouteError, match="route 7: ") as caught:
+        EmbeddedSimulator().check_route(load_routes(path)[0])
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize("metres_per_s", [0.0, -5.0])
+def test_a_flow_that_does_not_drive_is_refused(tmp_path: Path, metres_per_s: float) -> None:
+    route = next(route for route in ROUTES if "flow_speed" in route.scenario.parameters)
+    flow = {**route.scenario.parameters, "flow_speed": {"value": metres_per_s}}
+    save_routes([replace(route, scenario=replace(route.scenario, parameters=flow))], tmp_path / "own.xml")
+    with pytest.raises(RouteError, match=r"<flow_speed> has value=-?\d, expected 0\.1 to 50"):
+        load_routes(tmp_path / "own.xml")
+
+
+CLEAR, NIGHT = '<weather route_percentage="0" fog_density="12"/>', '<weather sun_altitude_angle="-60"/>'
+
+
+@pytest.mark.parametrize(
+    ("weathers", "says"),
+    [
+        (CLEAR + NIGHT, "its 2 <weather> elements differ, but the weather of a route does not change"),
+        ('<weather cloudines="50"/>', "<weather> has no attribute 'cloudines', did you mean 'cloudiness'?"),
+        ('<weather id="clear noon"/>', "<weather> has no attribute 'id'. Known: route_percentage, cloudiness,"),
+        ('<weather route_percentage="half"/>', "<weather> has route_percentage='half', expected a finite number"),
+    ],
+)
+def test_a_weather_that_would_not_be_seen_is_refused(tmp_path: Path, weathers: str, says: str) -> None:
+    path = tmp_path / "weather.xml"
+    path.write_text(STREET_TEXT.replace(CLEAR, weathers), encoding="utf-8")
+    with pytest.raises(RouteError, match="route 7: ") as caught:
+        load_routes(path)
+    assert says in str(caught.value)
+
+
+def test_a_route_of_the_leaderboard_has_the_weather_of_its_start(tmp_path: Path) -> None:
+    changing = NIGHT.replace("<weather", '<weather route_percentage="100" dust_storm="0"') + CLEAR
+    text = STREET_TEXT.replace('town="Street1"', 'town="Town03"').replace(CLEAR, changing)
+    (tmp_path / "changing.xml").write_text(text, encoding="utf-8")
+    (route,) = load_routes(tmp_path / "changing.xml")
+    assert (route.weather.fog_density, route.weather.sun_altitude_angle) == (12.0, 45.0)
+
+
 def test_unknown_names_come_with_the_nearest_one() -> None:
     with pytest.raises(UnknownNameError, match="Did you mean 'one-per-scenario'"):
         named_routes("one-per-scenari")
@@ -113,15 +192,16 @@ def test_a_route_off_its_town_is_refused() -> None:
         lay_route(Route(route.id, "Streat1", route.waypoints, route.scenario))
 
 
-STREET, SCENARIO = ROUTES[0], ROUTES[2].scenario
+STREET = ROUTES[0]
+CROSSING = replace(STREET.scenario, type="PedestrianCrossing", parameters={})
 
 
 @pytest.mark.parametrize(
     ("route", "message"),
     [
         (replace(STREET, town="Steet1"), "Did you mean 'Street'?"),
-        (replace(STREET, scenario=replace(SCENARIO, type="HardBrakeRoute")), "Did you mean 'HardBreakRoute'?"),
-        (replace(STREET, scenario=replace(SCENARIO, type="PedestrianCrossing")), "needs a junction on its route"),
+        (replace(STREET, scenario=replace(STREET.scenario, type="HardBrakeRoute")), "Did you mean 'HardBreakRoute'?"),
+        (replace(STREET, scenario=CROSSING), "needs a junction on its route"),
     ],
     ids=["town", "scenario", "place"],
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pytest
 from camera_scene import lane, town
 from numpy.typing import NDArray
 
@@ -95,3 +96,19 @@ def test_what_is_bright_already_does_not_burn_out() -> None:
     canvas = grey(200)
     light(canvas, places, CameraView.of(CAMERA, 0.0, 0.0, 0.0), 0.002, 1.0)
     assert (canvas.colours == 0xC8C8C8).all()
+
+
+def test_a_camera_straight_above_sees_the_pools_before_and_behind_it() -> None:
+    above = CameraSpec("above", width_px=160, height_px=96, z_m=50.0, pitch_deg=-90.0, fov_deg=50.0)
+    view = CameraView.of(above, 0.0, 0.0, 0.0)
+    lit = []
+    for x, y in ((11.0, 0.0), (-11.0, 0.0), (-11.0, 12.0), (-11.0, -12.0)):
+        canvas = grey(20)
+        light(canvas, np.array(((view.x_m + x, y + 1.6, -math.pi / 2.0),)), view, 0.002, 1.0)
+        red = (canvas.colours & 255).astype(int)
+        assert red.max() > 50, (x, y)
+        row, column = np.unravel_index(red.argmax(), red.shape)
+        per_m = view.focal_px / 50.0
+        assert (row, column) == pytest.approx((47.5 - x * per_m, 79.5 + y * per_m), abs=3.0)  # ahead is up
+        lit.append(int((red > 20).sum()))
+    assert max(lit) < 1.1 * min(lit)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from camera_scene import around, town
 
+from pytest_drive_robust.simulators.embedded.drawing import texture as texture_module
 from pytest_drive_robust.simulators.embedded.drawing.paint import (
     ASPHALT,
     GRASS,
@@ -15,7 +17,7 @@ from pytest_drive_robust.simulators.embedded.drawing.paint import (
     Region,
     paint_ground,
 )
-from pytest_drive_robust.simulators.embedded.drawing.texture import ground_texture, pack_sheet, unpack
+from pytest_drive_robust.simulators.embedded.drawing.texture import ground_texture, pack_sheet, texture_regions, unpack
 
 REGION = Region(-20.0, -20.0, 400, 400, 0.1)
 
@@ -69,3 +71,32 @@ def test_the_grain_belongs_to_the_place_and_not_to_the_region() -> None:
     whole, part = (unpack(pack_sheet(paint_ground(town(), region))) for region in (REGION, shifted))
     grass = np.s_[170:200, :]  # y from 12 to 15 m: nothing is painted there
     assert np.array_equal(part[grass], whole[150:350, 100:300][grass])
+
+
+def test_a_long_route_has_larger_texels_and_not_more_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    def texels(region: Region) -> int:
+        return region.columns * region.rows
+
+    for extent_m in (50.0, 300.0, 1770.0, 3400.0):  # the last two: 2.5 and 4.8 km across
+        near, wide = texture_regions(np.array([(0.0, 0.0), (extent_m, extent_m)]))
+        assert texels(near) + texels(wide) < 1.5e8
+        assert wide.texel_m == 2.0 * near.texel_m
+        assert (near.texel_m == 0.1) is (extent_m < 900.0)
+    monkeypatch.setattr(texture_module, "_MOST_TEXELS", 250_000)
+    texture = ground_texture(town(), np.array([(0.0, 0.0), (300.0, 300.0)]))
+    assert texture.texels.nbytes < 4 * 2 * 250_000
+    assert texture.levels[:, 5].tolist() == [texture.levels[0, 5] * 2.0**level for level in range(7)]
+
+
+def test_textures_are_kept_up_to_a_number_of_bytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    texture_module._kept.clear()
+    first = ground_texture(town(), around())
+    monkeypatch.setattr(texture_module, "_CACHED_BYTES", 2 * first.texels.nbytes)
+    second = ground_texture(town(), around() + 50.0)
+    assert ground_texture(town(), around()) is first
+    ground_texture(town(), around() + 100.0)
+    assert ground_texture(town(), around()) is first
+    assert ground_texture(town(), around() + 50.0) is not second
+    monkeypatch.setattr(texture_module, "_CACHED_BYTES", 1)
+    alone = ground_texture(town(), around())
+    assert list(texture_module._kept.values()) == [alone]

@@ -36,8 +36,11 @@ def test_the_schema_knows_the_types_that_we_have() -> None:
 @pytest.mark.parametrize(
     ("town", "official"),
     [
-        *((name, True) for name in ("Town12", "Town10HD", "Town10HD_Opt", "Carla/Maps/Town01")),
-        *((name, False) for name in ("Street12", "Town1", "Town123", "MyTown12", "")),
+        *(
+            (name, True)
+            for name in ("Town12", "Town10HD", "Town10HD_Opt", "Carla/Maps/Town01", "Town1", "Town77", "Town123")
+        ),
+        *((name, False) for name in ("Street12", "Town", "Town1234567", "Town1x", "MyTown12", "")),
     ],
 )
 def test_towns_of_carla_are_told_from_ours(town: str, official: bool) -> None:
