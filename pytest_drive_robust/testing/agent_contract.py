@@ -28,6 +28,7 @@ _SLOWEST_ACT_S = 5.0
 _LOCKSTEP_OBSERVATIONS = 12
 _LOCKSTEP_ROWS = 4
 _SAME_POLICY = 0.01
+_BROKEN = (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR)
 _METHODS = ("sensors", "reset", "act")
 _KNOWN = ", ".join(SIGNALS)
 
@@ -73,7 +74,7 @@ class _Trial:
                 return
         self.record, result = self.drive(self.factory(), self.seed)
         yield self.controls(result)
-        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
+        if result.outcome in _BROKEN:
             return
         self.truth: GroundTruth = self.simulator.truth()
         yield self.time()
@@ -122,8 +123,8 @@ class _Trial:
 
     def controls(self, result: EpisodeResult) -> Check:
         """Check an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
-        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-            return Check("controls", False, f"tick {result.ticks}: {result.end_detail}.")
+        if result.outcome in _BROKEN:
+            return Check("controls", False, f"{_told(result)}.")
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
 
     def time(self) -> Check:
@@ -137,7 +138,9 @@ class _Trial:
 
     def determinism(self) -> Check:
         """Check that two new agents with the same seed drive the same."""
-        again, _ = self.drive(self.factory(), self.seed)
+        again, result = self.drive(self.factory(), self.seed)
+        if result.outcome in _BROKEN:
+            return Check("determinism", False, f"a second agent with seed {self.seed} breaks: {_told(result)}.")
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
             advice = (
@@ -149,9 +152,13 @@ class _Trial:
     def reset(self) -> Check:
         """Check that one object that has driven other episodes drives this one like a new object, and so once more."""
         agent = self.factory()
-        drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
+        _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
+        if result.outcome in _BROKEN:
+            return Check("reset", False, f"an episode on {self.other.label} breaks: {_told(result)}.")
         for before in (f"an episode on {self.other.label}", "the same episode"):
-            again, _ = self.drive(agent, self.seed)
+            again, result = self.drive(agent, self.seed)
+            if result.outcome in _BROKEN:
+                return Check("reset", False, f"after {before} the next one breaks: {_told(result)}.")
             tick = first_difference(self.record.controls, again.controls)
             if tick is not None:
                 told = f"after {before} the agent still remembers it: from act {tick} on it differs from a new agent"
@@ -243,6 +250,11 @@ class _Trial:
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.factory()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+
+
+def _told(result: EpisodeResult) -> str:
+    """Return where and why an episode broke."""
+    return f"tick {result.ticks}: {result.end_detail}"
 
 
 def _distance(one: Control, other: Control) -> float:

@@ -135,6 +135,37 @@ def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
     assert failed(report) == ["reset"]
 
 
+def test_an_agent_that_breaks_on_another_route_is_found() -> None:
+    class OneRoute(Good):
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            super().reset(route, seed)
+            self.metres = list(range(int(route.points[-1].x_m)))
+
+        def act(self, observation: Observation) -> Control:
+            self.metres[59]  # the other route of the check is shorter
+            return super().act(observation)
+
+    report = check_agent(OneRoute)
+    assert failed(report) == ["reset"]
+    assert "IndexError: list index out of range" in report["reset"].sentence
+
+
+def test_an_agent_whose_second_reset_raises_is_told_what_it_raised() -> None:
+    class Once(Good):
+        used = False
+
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            if self.used:
+                raise RuntimeError("the socket is open")
+            self.used = True
+            super().reset(route, seed)
+
+    report = check_agent(Once)
+    assert failed(report) == ["reset"]
+    assert "RuntimeError: the socket is open" in report["reset"].sentence
+    assert "remembers" not in report["reset"].sentence
+
+
 def test_a_signal_that_is_used_but_not_declared_is_found() -> None:
     def act(observation: Observation) -> Control:
         return Control(throttle=0.6, steer=0.01 * max(-1.0, min(1.0, observation.imu.right_mps2)))
