@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
-from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.runner.episode.contract import blame
@@ -17,6 +17,7 @@ from pytest_drive_robust.testing.fake_simulator import fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport
 
 _TICKS = 60
+_Driven = tuple[RecordingAgent, EpisodeResult]
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 10 + [Control(brake=0.2)] * 20
 
@@ -24,7 +25,7 @@ _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 1
 def check_simulator(
     factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
 ) -> ContractReport:
-    """Drive three episodes of 60 ticks and tell which promises of the protocol hold. Raises nothing."""
+    """Drive four episodes of 60 ticks and tell which promises of the protocol hold. Raises nothing."""
     name = getattr(factory, "__name__", type(factory).__name__)
     return ContractReport(name, tuple(_checks(factory, route or fake_route(), seed)))
 
@@ -38,16 +39,25 @@ def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed
     yield (members := _members(simulator))
     if not members.ok:
         return
-    record, result = drive(ScriptedAgent(_SCRIPT, cameras=_CAMERAS), simulator, route=route, seed=seed)
-    yield _end(result)
-    if result.outcome is Outcome.INFRA_ERROR:
+    first = record, result = _scripted(simulator, route, seed)
+    yield _end(result, simulator)
+    if result.outcome is Outcome.INFRA_ERROR or not result.ticks:
         return
+    yield _versions(simulator)
     yield _stamps(record.observations, simulator.dt_s)
     yield _images(record.observations)
     yield _truth(simulator, route, seed)
-    yield _isolation(simulator, route, seed, record)
-    yield _determinism(factory, route, seed, record, result)
+    yield (same := _determinism(factory, route, seed, first))
+    if same.ok:  # else every later episode differs for the same reason
+        yield (forgets := _reset(simulator, route, seed, first))
+        if forgets.ok:
+            yield _isolation(simulator, route, seed, record)
     yield _close(simulator)
+
+
+def _scripted(simulator: Simulator, route: Route, seed: int) -> _Driven:
+    """Return the episode that the others are compared with."""
+    return drive(ScriptedAgent(_SCRIPT, cameras=_CAMERAS), simulator, route=route, seed=seed)
 
 
 def _members(simulator: Simulator) -> Check:
@@ -60,14 +70,29 @@ def _members(simulator: Simulator) -> Check:
     return Check("members", True, "every member of the protocol is there.")
 
 
-def _end(result: EpisodeResult) -> Check:
+def _end(result: EpisodeResult, simulator: Simulator) -> Check:
     if result.outcome is Outcome.INFRA_ERROR:
         return Check("end", False, f"tick {result.ticks}: {result.end_detail}.")
+    done: object = simulator.done
+    if not isinstance(done, End):
+        return Check("end", False, f"after {result.ticks} ticks done is {done!r}, expected an End; None before that.")
+    if not result.ticks:
+        return Check("end", False, f"the episode is over after 0 ticks ({result.end.value}): done is None after reset.")
     if result.ticks > _TICKS:
         return Check("end", False, f"the episode took {result.ticks} ticks under a tick_cap of {_TICKS}.")
     if not 0.0 <= result.route_completion_pct <= 100.0:
         return Check("end", False, f"route_completion_pct is {result.route_completion_pct!r}, expected 0..100.")
     return Check("end", True, f"the episode ends after {result.ticks} ticks: {result.end.value}.")
+
+
+def _versions(simulator: Simulator) -> Check:
+    versions: object = simulator.versions()
+    if not isinstance(versions, Mapping):
+        return Check("versions", False, f"versions gave {versions!r}, expected names with their versions.")
+    for name, version in versions.items():
+        if not (isinstance(name, str) and isinstance(version, str)):
+            return Check("versions", False, f"versions has {name!r}: {version!r}, expected text for text.")
+    return Check("versions", True, f"{', '.join(versions) or 'nothing'} decides the numbers.")
 
 
 def _stamps(observations: list[Observation], dt_s: float) -> Check:
@@ -126,23 +151,41 @@ def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingA
     return Check("isolation", True, "writing to an image changes nothing in later ticks.")
 
 
-def _determinism(
-    factory: Callable[[SimulatorOptions], Simulator],
-    route: Route,
-    seed: int,
-    record: RecordingAgent,
-    result: EpisodeResult,
-) -> Check:
+def _determinism(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed: int, first: _Driven) -> Check:
     fresh = factory(SimulatorOptions(tick_cap=_TICKS))
-    again, same = drive(ScriptedAgent(_SCRIPT, cameras=_CAMERAS), fresh, route=route, seed=seed)
+    difference = _difference(first, _scripted(fresh, route, seed))
     fresh.close()
-    seen = [observation_digest(observation) for observation in record.observations]
-    tick = first_difference(seen, [observation_digest(observation) for observation in again.observations])
-    if tick is not None:
-        return Check("determinism", False, f"a new world with the same route and seed looks different in tick {tick}.")
-    if result.trace.digest != same.trace.digest:
-        return Check("determinism", False, "a new world with the same route and seed moves the ego differently.")
+    if difference is not None:
+        return Check("determinism", False, f"a new world with the same route and seed {difference}.")
     return Check("determinism", True, "a new world with the same route and seed is the same to the bit.")
+
+
+def _reset(simulator: Simulator, route: Route, seed: int, first: _Driven) -> Check:
+    difference = _difference(first, _scripted(simulator, route, seed))
+    if difference is not None:
+        told = f"after other episodes, the same route and seed {difference}"
+        return Check("reset", False, f"{told}: build in reset all that an episode changes.")
+    return Check("reset", True, "nothing is left of the last episode.")
+
+
+def _difference(first: _Driven, again: _Driven) -> str | None:
+    """Return in a clause in what another drive of the same episode differs, or None when it is the same to the bit."""
+    (record, result), (other_record, other) = first, again
+    if other.outcome is Outcome.INFRA_ERROR:
+        return f"breaks in tick {other.ticks}: {other.end_detail}"
+    if record.plan != other_record.plan:
+        return "has another plan"
+    seen = [observation_digest(observation) for observation in record.observations]
+    tick = first_difference(seen, [observation_digest(observation) for observation in other_record.observations])
+    if tick is not None:
+        return f"looks different in tick {tick}"
+    if result.trace.digest != other.trace.digest:
+        return "moves the ego differently"
+    for name in ("end", "route_completion_pct", "infractions"):
+        one, two = repr(getattr(result, name)), repr(getattr(other, name))  # as text: no number is equal to nan
+        if one != two:
+            return f"has another score: {name} {two} in place of {one}"
+    return None
 
 
 def _close(simulator: Simulator) -> Check:
