@@ -16,11 +16,12 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, RunningStack, Setting
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.sentences import kebab_name
-from pytest_drive_robust.runner.episode.contract import blame
+from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
-from pytest_drive_robust.testing.report import Check, ContractReport
+from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
+_OURS = "the perturbation"
 _TICKS = 80
 _DT_S = 0.05
 _HELD_TICKS = 4
@@ -33,35 +34,35 @@ def check_perturbation(perturbation: Perturbation, *, seed: int = 0) -> Contract
 
 
 def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
-    yield (declared := _declared(perturbation))
+    yield (declared := attempt(_OURS, _class, perturbation))
     if not declared.ok:
         return
-    yield _sentence(perturbation)
+    yield attempt(_OURS, _sentence, perturbation)
     clean = _clean_drive(seed)
     before = [observation_digest(observation) for observation in clean]
     try:
         done = _episode(perturbation, clean, seed)
-    except Exception as error:
-        yield Check("drives", False, f"{blame('the perturbation', error)}.")
+    except BLAMED as error:
+        yield Check("drives", False, f"{blame(_OURS, error)}.")
         return
     try:
         seldom = _episode(perturbation, clean, seed, every=_HELD_TICKS)
-    except Exception as error:
-        told = f"where the agent is not asked, as under a latency that holds, {blame('the perturbation', error)}"
+    except BLAMED as error:
+        told = f"where the agent is not asked, as under a latency that holds, {blame(_OURS, error)}"
         yield Check("drives", False, f"{told}: actuate gets control=None then, and may pass it on.")
         seldom = done
     else:
         yield Check("drives", True, f"{len(done.applied)} ticks on both seams, without an error.")
-    yield _isolation(before, clean)
-    yield (observations := _observations(clean, done.seen))
-    yield _inference(done)
-    yield (controls := _controls([*done.applied, *seldom.applied]))
-    yield _schedule(done)
+    yield attempt(_OURS, _isolation, before, clean)
+    yield (observations := attempt(_OURS, _observations, clean, done.seen))
+    yield attempt(_OURS, _inference, done)
+    yield (controls := attempt(_OURS, _controls, [*done.applied, *seldom.applied]))
+    yield attempt(_OURS, _schedule, done)
     if observations.ok and controls.ok:
-        yield _determinism(perturbation, clean, seed, done)
+        yield attempt(_OURS, _determinism, perturbation, clean, seed, done)
 
 
-def _declared(perturbation: Perturbation) -> Check:
+def _class(perturbation: Perturbation) -> Check:
     kind = type(perturbation)
     if not isinstance(perturbation, Perturbation):
         return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import sys
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -78,6 +79,42 @@ def test_a_factory_that_raises_is_told() -> None:
         raise OSError("no weights")
 
     assert "OSError: no weights" in check_agent(factory)["methods"].sentence
+
+
+def test_a_constructor_that_exits_is_told() -> None:
+    class Exits(Good):
+        def __init__(self) -> None:
+            sys.exit("no licence")
+
+    report = check_agent(Exits)
+    assert failed(report) == ["methods"]
+    assert "SystemExit: no licence" in report["methods"].sentence
+    assert "test_agent_contract.py" in report["methods"].sentence
+
+
+def test_a_factory_that_gives_one_agent_only_is_told() -> None:
+    made: list[Good] = []
+
+    def single() -> Good:
+        if made:
+            raise OSError("the port is taken")
+        made.append(Good())
+        return made[0]
+
+    report = check_agent(single)
+    assert failed(report) == ["declarations"]
+    assert "OSError: the port is taken" in report["declarations"].sentence
+
+
+def test_a_declaration_that_raises_is_told() -> None:
+    class Unsure(Good):
+        @property
+        def privileged(self) -> bool:
+            raise RuntimeError("ask later")
+
+    report = check_agent(Unsure)
+    assert failed(report) == ["declarations"]
+    assert "RuntimeError: ask later" in report["declarations"].sentence
 
 
 @pytest.mark.parametrize(
@@ -229,7 +266,17 @@ def test_an_agent_that_moves_the_world_by_hand_is_found() -> None:
     assert failed(report) == ["isolation"]
 
 
-@pytest.mark.parametrize("planned", [None, PlannedPath(path=((float("nan"), 0.0),))])
+@pytest.mark.parametrize(
+    "planned",
+    [
+        None,
+        PlannedPath(path=((float("nan"), 0.0),)),
+        PlannedPath(path=None),  # type: ignore[arg-type]
+        PlannedPath(path=(1.0, 2.0)),  # type: ignore[arg-type]
+        PlannedPath(path="ahead"),  # type: ignore[arg-type]
+    ],
+    ids=str,
+)
 def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
     class Planner(Good):
         def plan(self) -> PlannedPath:

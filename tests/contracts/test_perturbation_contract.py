@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pytest
@@ -113,6 +115,37 @@ def test_a_changed_image_type_is_found() -> None:
     report = check_perturbation(Floating())
     assert failed(report) == ["observations"]
     assert "uint8 to (18, 32, 3) float64" in report["observations"].sentence
+
+
+@pytest.mark.parametrize(
+    ("image", "told"),
+    [
+        (lambda image: Image(image.pixels.tolist(), image.tick), "the pixels of front are a list, expected an array"),
+        (lambda image: image.pixels, "front is a ndarray, expected an Image"),
+    ],
+)
+def test_an_image_that_is_none_is_found(image: Callable[[Image], Image], told: str) -> None:
+    @dataclass
+    class Listed(Perturbation):
+        phrase = "listed"
+
+        def observe(self, observation: Observation) -> Observation:
+            return observation.map_images(lambda name, given: image(given))
+
+    report = check_perturbation(Listed())
+    assert failed(report) == ["observations"]
+    assert told in report["observations"].sentence
+
+
+def test_a_perturbation_that_exits_is_told() -> None:
+    @dataclass
+    class Exits(Perturbation):
+        phrase = "exits"
+
+        def observe(self, observation: Observation) -> Observation:
+            sys.exit("no lens")
+
+    assert "SystemExit: no lens" in check_perturbation(Exits())["drives"].sentence
 
 
 def test_a_lost_camera_is_found() -> None:

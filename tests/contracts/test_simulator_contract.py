@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
-from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
@@ -38,6 +39,31 @@ def test_the_fake_keeps_the_contract() -> None:
         "isolation",
         "close",
     ]
+
+
+@pytest.mark.parametrize("rate_hz", [10, 20, 25, 30])
+def test_a_world_of_any_rate_is_driven(rate_hz: int) -> None:
+    def made(options: SimulatorOptions) -> FakeSimulator:
+        world = FakeSimulator(options)
+        world.dt_s = 1.0 / rate_hz
+        return world
+
+    report = check_simulator(made)
+    assert report.ok, str(report)
+    assert "ends after " in report["end"].sentence
+    assert "after 0 ticks" not in report["end"].sentence
+
+
+@pytest.mark.parametrize("dt_s", [0.0, None])
+def test_a_tick_without_length_is_found(dt_s: float) -> None:
+    class Timeless(FakeSimulator):
+        def __init__(self, options: SimulatorOptions) -> None:
+            super().__init__(options)
+            self.dt_s = dt_s
+
+    report = check_simulator(Timeless)
+    assert failed(report) == ["members"]
+    assert f"dt_s is {dt_s!r}, expected the seconds of a tick" in report["members"].sentence
 
 
 def test_missing_members_are_named() -> None:
@@ -89,6 +115,47 @@ def test_an_image_of_another_size_is_found() -> None:
             return super().observe().map_images(lambda name, image: replace(image, pixels=image.pixels[1:]))
 
     assert failed(check_simulator(Cropped)) == ["images"]
+
+
+@pytest.mark.parametrize(
+    ("cameras", "told"),
+    [
+        (lambda seen: {}, "tick 0: there is no image of the camera front."),
+        (
+            lambda seen: {name: Image(image.pixels.tolist(), image.tick) for name, image in seen.cameras.items()},
+            "tick 0: the pixels of front are a list, expected an array.",
+        ),
+    ],
+)
+def test_what_is_no_image_is_found(cameras: Callable[[Observation], dict[str, Image]], told: str) -> None:
+    class Blind(FakeSimulator):
+        def observe(self) -> Observation:
+            seen = super().observe()
+            return replace(seen, cameras=cameras(seen))
+
+    report = check_simulator(Blind)
+    assert failed(report) == ["images"]
+    assert report["images"].sentence == told
+
+
+def test_a_truth_that_is_none_is_found() -> None:
+    class Untrue(FakeSimulator):
+        def truth(self) -> GroundTruth:
+            return None  # type: ignore[return-value]
+
+    report = check_simulator(Untrue)
+    assert failed(report) == ["truth"]
+    assert report["truth"].sentence == "truth gave None, expected a GroundTruth."
+
+
+@pytest.mark.parametrize("method", ["reset", "observe", "step", "score", "truth", "plan", "versions", "close"])
+def test_a_world_that_exits_is_told(method: str) -> None:
+    def leave(self: FakeSimulator, *arguments: object, **options: object) -> None:
+        sys.exit("no server")
+
+    report = check_simulator(type("Exits", (FakeSimulator,), {method: leave}))
+    assert "SystemExit: no server" in str(report)
+    assert not report.ok
 
 
 def test_truth_in_the_observation_is_found() -> None:
