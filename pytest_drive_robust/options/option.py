@@ -26,7 +26,11 @@ class OptionSource(Protocol):
 
     @property
     def rootpath(self) -> Path:
-        """The folder that a relative `--drive-store` starts from."""
+        """The root folder, which paths of the ini file start from."""
+
+    @property
+    def invocation_params(self) -> Any:
+        """What pytest was called with; `dir` is the folder it was called in."""
 
     def getoption(self, name: str) -> Any:
         """Return the value of a command line option."""

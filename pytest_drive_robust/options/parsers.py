@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
-from pytest_drive_robust.options.option import GivenText
+from pytest_drive_robust.options.option import GivenText, asked_for
 
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
@@ -117,10 +117,18 @@ def writable_folder(given: GivenText) -> Path | None:
 
 
 def store_folder(given: GivenText) -> str:
-    """Return the folder of the store, or `"off"`."""
-    if given.source is not None and (given.source.rootpath / given.text).is_file():
+    """Return the folder of the store, relative to the root folder, or `"off"`.
+
+    What the command line says starts from the folder that pytest was called in, and is returned as an absolute path:
+    the root folder may be another one as soon as the store is there, as pytest takes it for a folder of tests.
+    """
+    if given.source is None or given.text == "off":
+        return given.text
+    asked = asked_for(given.flag, given.source)
+    folder: Path = (given.source.invocation_params.dir if asked else given.source.rootpath) / given.text
+    if folder.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a file; expected a folder, or off.")
-    return given.text
+    return str(folder) if asked else given.text
 
 
 def _number(text: str) -> float:

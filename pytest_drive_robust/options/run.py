@@ -41,7 +41,7 @@ class RunOptions:
     `json_path`, `csv_path` and `report_path` are None when none was asked for. `agent` and `simulator` are names that
     the registry resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does
     to its test, `correction` whether fails must stand among all requirements of the run. `store` is the folder of
-    finished episodes or `"off"`; with `fresh` what other runs left there is not used.
+    finished episodes, relative to the root folder, or `"off"`; with `fresh` what other runs left there is not used.
     `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
     the default reading, and must not contradict one that was asked for.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+from dataclasses import replace
 
 import pytest
 
@@ -12,8 +13,9 @@ from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker
 from pytest_drive_robust.plugin.requirement_place import requirements_of
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
+from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, VerdictPlan
-from pytest_drive_robust.store.events import Advised
+from pytest_drive_robust.store.events import Advised, NamesRegistered
 from pytest_drive_robust.verdict.requirement import by_evidence
 
 
@@ -36,7 +38,7 @@ class CollectionPlugin:
         config = session.config
         if problems_of(config):
             return
-        context = config.stash[DRIVE_CONTEXT]
+        context = _with_all_plugins(config)
         note_problem(config, "", context.scopes.check)
         for item in session.items:
             if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
@@ -79,3 +81,12 @@ class CollectionPlugin:
         self.requests.update(scope.plan(wanted))
         self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)
+
+
+def _with_all_plugins(config: pytest.Config) -> DriveContext:
+    """Return the context, which now knows also the plugins that came with the tests; tell the record of them."""
+    context = config.stash[DRIVE_CONTEXT]
+    plugins = plugin_words(config.pluginmanager)
+    context = config.stash[DRIVE_CONTEXT] = context._replace(options=replace(context.options, plugins=plugins))
+    context.campaign.observer(NamesRegistered(plugins))
+    return context

@@ -7,11 +7,12 @@ import importlib.util
 import inspect
 import os
 import sys
+import traceback
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError
 
 if TYPE_CHECKING:
     from pluggy import PluginManager
@@ -75,7 +76,15 @@ def register_names_of(word: str, registry: Registry) -> None:
         ) from error
     if not hasattr(module, _HOOK):
         raise UsageError(f"-p is {word!r}, which registers no names: it has no function {_HOOK}(registry).")
-    call_hook(module, registry)
+    try:
+        call_hook(module, registry)
+    except (DriveRobustError, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # it may also call sys.exit()
+        raise UsageError(
+            f"-p is {word!r}, whose {_HOOK}{_signature(module)} raised {type(error).__name__}: {error}"
+            f"{_place_in(module, error)}. Expected {_HOOK}(registry), which registers names."
+        ) from error
 
 
 def imported_from(module: str, file: str) -> ModuleType:
@@ -103,6 +112,19 @@ def call_hook(module: ModuleType, registry: Registry) -> None:
         return
     wanted = inspect.signature(hook).parameters
     hook(**({"registry": registry} if "registry" in wanted else {}))
+
+
+def _signature(module: ModuleType) -> str:
+    try:
+        return str(inspect.signature(getattr(module, _HOOK)))
+    except (TypeError, ValueError):  # no function
+        return ""
+
+
+def _place_in(module: ModuleType, error: BaseException) -> str:
+    """Return the file of the module in brackets, with its last line that led to the error where one did."""
+    frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _is_file(module.__file__, frame.filename)]
+    return f" ({module.__file__}:{frames[-1].lineno})" if frames else f" ({module.__file__})"
 
 
 def _word(module: str, file: Path) -> str:

@@ -14,6 +14,7 @@ agents take options there, the parameters of their factories: `blind:speed=8` (s
 from __future__ import annotations
 
 import functools
+import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import cast
@@ -61,6 +62,10 @@ _HINTS: Mapping[str, str] = {
 }
 
 
+_NO_METRIC = re.compile(r"[\s#≤≥]|<=|>=")
+"""What would end the metric of a sentence: `verdict.sentences` reads one word before "under"."""
+
+
 class Registry:
     """The names that one process knows. Asking for a name loads that entry and no other."""
 
@@ -106,10 +111,17 @@ class Registry:
     def register_metric(self, name: str, function: MetricFunction) -> None:
         """Let requirements name a number of your own: `function(results of one setting)`, None for no data.
 
-        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere.
+        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere, and for one that no
+        sentence can name.
         """
         if name in METRICS:
             raise UsageError(f"{name!r} is a built-in metric and keeps its meaning: give yours another name.")
+        if _NO_METRIC.search(name):
+            plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
+            raise UsageError(
+                f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', "
+                f"'<=' and '>='. Call it {plain!r}, say."
+            )
         self._register("metrics", name, function)
 
     def agent(self, name: str) -> Agent:

@@ -23,6 +23,7 @@ from pytest_drive_robust.store.events import (
     Finished,
     Identified,
     Judged,
+    NamesRegistered,
     Planned,
     Searched,
     Spared,
@@ -118,8 +119,9 @@ class RunResult:
         episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
         judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
         judged, late = _corrected(judged, options)
+        plugins = (word for event in events if isinstance(event, NamesRegistered) for word in event.plugins)
         return cls(
-            options=options,
+            options=replace(options, plugins=tuple(dict.fromkeys((*options.plugins, *plugins)))),
             rows=tuple(
                 _row(
                     item,

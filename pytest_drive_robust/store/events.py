@@ -35,6 +35,16 @@ class Advised(Event):
 
 
 @dataclass(frozen=True, slots=True)
+class NamesRegistered(Event):
+    """These plugins register names of their own, in the words that `drive-robust -p` takes.
+
+    Known after collection only: a `conftest.py` below the root folder is read with the tests beside it.
+    """
+
+    plugins: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Identified(Event):
     """What `agent` and the routes of a scope are made of, so that another run can tell whether it used the same.
 

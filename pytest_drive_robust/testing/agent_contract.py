@@ -14,13 +14,13 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError
-from pytest_drive_robust.runner.episode.contract import agent_act_batch
+from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, blame
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
-from pytest_drive_robust.testing.report import Check, ContractReport
+from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
 _EPISODE_TICKS = 120
 _OTHER_LENGTH_M = 45.0
@@ -28,6 +28,7 @@ _SLOWEST_ACT_S = 5.0
 _LOCKSTEP_OBSERVATIONS = 12
 _LOCKSTEP_ROWS = 4
 _SAME_POLICY = 0.01
+_BROKEN = (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR)
 _METHODS = ("sensors", "reset", "act")
 _KNOWN = ", ".join(SIGNALS)
 
@@ -67,29 +68,24 @@ class _Trial:
 
     def checks(self) -> Iterator[Check]:
         """Return every check in order; those that need a contract already broken are left out."""
-        for first in (self.methods, self.declarations):
-            yield (check := first())
+        for first in (self.methods, self.declarations, self.controls):
+            yield (check := self.attempt(first))
             if not check.ok:
                 return
-        self.record, result = self.drive(self.factory(), self.seed)
-        yield self.controls(result)
-        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-            return
         self.truth: GroundTruth = self.simulator.truth()
         yield self.time()
-        for promise in (
-            self.determinism,
-            self.reset,
-            self.isolation,
-            self.consumes,
-            self.privileged,
-            self.plan,
-            self.lockstep,
-        ):
-            try:
-                yield promise()
-            except AgentError as error:  # noqa: PERF203 - a broken promise does not hide the next one
-                yield Check(promise.__name__, False, f"{error}.")
+        yield (same := self.attempt(self.determinism))
+        compared = (self.reset, self.isolation, self.consumes, self.privileged)
+        # what never drives the same twice differs from itself in all that is compared: one fault, told once
+        for promise in (*compared, self.plan, self.lockstep) if same.ok else (self.plan,):
+            yield self.attempt(promise)
+
+    def attempt(self, promise: Callable[[], Check]) -> Check:
+        """Return the check of one promise: a broken one does not hide the next one."""
+        try:
+            return attempt("the agent", promise)
+        except AgentError as error:  # it says whose call it was
+            return Check(promise.__name__, False, f"{error}.")
 
     def drive(self, agent: Agent, seed: int) -> tuple[RecordingAgent, EpisodeResult]:
         """Return one whole episode on the route of the trial."""
@@ -99,8 +95,8 @@ class _Trial:
         """Check that the factory gives an object with the three methods."""
         try:
             agent = self.factory()
-        except Exception as error:
-            return Check("methods", False, f"the factory raised {type(error).__name__}: {error}.")
+        except BLAMED as error:
+            return Check("methods", False, f"{blame('the factory', error)}.")
         missing = [name for name in _METHODS if not callable(getattr(agent, name, None))]
         if missing:
             return Check("methods", False, f"{type(agent).__name__} lacks {', '.join(missing)}.")
@@ -120,10 +116,11 @@ class _Trial:
             return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
 
-    def controls(self, result: EpisodeResult) -> Check:
-        """Check an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
-        if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):
-            return Check("controls", False, f"tick {result.ticks}: {result.end_detail}.")
+    def controls(self) -> Check:
+        """Drive and record an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
+        self.record, result = self.drive(self.factory(), self.seed)
+        if result.outcome in _BROKEN:
+            return Check("controls", False, f"{_told(result)}.")
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
 
     def time(self) -> Check:
@@ -137,7 +134,9 @@ class _Trial:
 
     def determinism(self) -> Check:
         """Check that two new agents with the same seed drive the same."""
-        again, _ = self.drive(self.factory(), self.seed)
+        again, result = self.drive(self.factory(), self.seed)
+        if result.outcome in _BROKEN:
+            return Check("determinism", False, f"a second agent with seed {self.seed} breaks: {_told(result)}.")
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
             advice = (
@@ -149,9 +148,13 @@ class _Trial:
     def reset(self) -> Check:
         """Check that one object that has driven other episodes drives this one like a new object, and so once more."""
         agent = self.factory()
-        drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
+        _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
+        if result.outcome in _BROKEN:
+            return Check("reset", False, f"an episode on {self.other.label} breaks: {_told(result)}.")
         for before in (f"an episode on {self.other.label}", "the same episode"):
-            again, _ = self.drive(agent, self.seed)
+            again, result = self.drive(agent, self.seed)
+            if result.outcome in _BROKEN:
+                return Check("reset", False, f"after {before} the next one breaks: {_told(result)}.")
             tick = first_difference(self.record.controls, again.controls)
             if tick is not None:
                 told = f"after {before} the agent still remembers it: from act {tick} on it differs from a new agent"
@@ -209,14 +212,20 @@ class _Trial:
         feed(agent, self.record.observations[:1], plan=self.record.plan, seed=self.seed)
         try:
             planned: object = plan()
-        except Exception as error:
-            return Check("plan", False, f"plan raised {type(error).__name__}: {error}.")
+        except BLAMED as error:
+            return Check("plan", False, f"{blame('plan', error)}.")
         if not isinstance(planned, PlannedPath):
             return Check("plan", False, f"plan returned {type(planned).__name__}, expected a PlannedPath.")
-        points = (*planned.path, *planned.target_points, *planned.speed_points)
-        if not all(math.isfinite(value) for point in points for value in point):
-            return Check("plan", False, "plan returned a point that is not finite.")
-        return Check("plan", True, f"plan gives {len(points)} points.")
+        count = 0
+        for name in ("path", "target_points", "speed_points"):
+            points = getattr(planned, name)
+            try:
+                finite, count = all(math.isfinite(value) for point in points for value in point), count + len(points)
+            except TypeError:
+                return Check("plan", False, f"plan returned the {name} {points!r}, expected rows of numbers.")
+            if not finite:
+                return Check("plan", False, f"plan returned a point of {name} that is not finite.")
+        return Check("plan", True, f"plan gives {count} points.")
 
     def lockstep(self) -> Check:
         """Check that `act_batch`, where there is one, is `act` for many, and no row depends on its company."""
@@ -243,6 +252,11 @@ class _Trial:
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.factory()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+
+
+def _told(result: EpisodeResult) -> str:
+    """Return where and why an episode broke."""
+    return f"tick {result.ticks}: {result.end_detail}"
 
 
 def _distance(one: Control, other: Control) -> float:

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, fields
+
+import numpy as np
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
+from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.runner.episode.contract import blame
+from pytest_drive_robust.perturbations.base import Perturbation, RunningStack, Setting
+from pytest_drive_robust.perturbations.context import EpisodeContext
+from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
-from pytest_drive_robust.testing.report import Check, ContractReport
+from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
+_OURS = "the perturbation"
 _TICKS = 80
+_DT_S = 0.05
+_HELD_TICKS = 4
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 
 
@@ -23,25 +34,35 @@ def check_perturbation(perturbation: Perturbation, *, seed: int = 0) -> Contract
 
 
 def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
-    yield (declared := _declared(perturbation))
+    yield (declared := attempt(_OURS, _class, perturbation))
     if not declared.ok:
         return
-    yield _sentence(perturbation)
+    yield attempt(_OURS, _sentence, perturbation)
     clean = _clean_drive(seed)
     before = [observation_digest(observation) for observation in clean]
     try:
-        seen, applied = _episode(perturbation, clean, seed)
-    except Exception as error:
-        yield Check("drives", False, f"{blame('the perturbation', error)}.")
+        done = _episode(perturbation, clean, seed)
+    except BLAMED as error:
+        yield Check("drives", False, f"{blame(_OURS, error)}.")
         return
-    yield Check("drives", True, f"{len(applied)} ticks on both seams, without an error.")
-    yield _isolation(before, clean)
-    yield _observations(clean, seen)
-    yield _controls(applied)
-    yield _determinism(perturbation, clean, seed, seen, applied)
+    try:
+        seldom = _episode(perturbation, clean, seed, every=_HELD_TICKS)
+    except BLAMED as error:
+        told = f"where the agent is not asked, as under a latency that holds, {blame(_OURS, error)}"
+        yield Check("drives", False, f"{told}: actuate gets control=None then, and may pass it on.")
+        seldom = done
+    else:
+        yield Check("drives", True, f"{len(done.applied)} ticks on both seams, without an error.")
+    yield attempt(_OURS, _isolation, before, clean)
+    yield (observations := attempt(_OURS, _observations, clean, done.seen))
+    yield attempt(_OURS, _inference, done)
+    yield (controls := attempt(_OURS, _controls, [*done.applied, *seldom.applied]))
+    yield attempt(_OURS, _schedule, done)
+    if observations.ok and controls.ok:
+        yield attempt(_OURS, _determinism, perturbation, clean, seed, done)
 
 
-def _declared(perturbation: Perturbation) -> Check:
+def _class(perturbation: Perturbation) -> Check:
     kind = type(perturbation)
     if not isinstance(perturbation, Perturbation):
         return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")
@@ -80,17 +101,31 @@ def _wanted(tick: int) -> Control:
     return Control(throttle=0.3 + 0.5 * tick / _TICKS, steer=0.1 - 0.2 * tick / _TICKS)
 
 
-def _episode(
-    perturbation: Perturbation, clean: list[Observation], seed: int
-) -> tuple[list[Observation], list[Control]]:
-    """Return what comes out of both seams for a recorded drive."""
-    stack = Setting.of(perturbation).start(route_id="1", seed=seed, dt_s=0.05, cameras=_CAMERAS)
-    seen, applied = [], []
+@dataclass
+class _Drive:
+    """What came out of both seams for a recorded drive, tick by tick, and what was injected."""
+
+    seen: list[Observation] = field(default_factory=list)
+    wanted: list[object] = field(default_factory=list)
+    applied: list[Control] = field(default_factory=list)
+    schedule: object = ()
+
+
+def _episode(perturbation: Perturbation, clean: list[Observation], seed: int, *, every: int = 1) -> _Drive:
+    """Return the recorded drive under the perturbation.
+
+    The agent is asked in every tick that is a multiple of `every`, where the perturbation lets it be asked.
+    """
+    own = copy.deepcopy(perturbation)
+    own.reset(EpisodeContext("1", seed, _DT_S, _CAMERAS, kebab_name(type(own))))
+    stack, done = RunningStack((own,)), _Drive()
     for tick, observation in enumerate(clean):
-        seen.append(stack.observe(observation))
-        asked = stack.wants_inference(tick)
-        applied.append(stack.actuate(tick, _wanted(tick) if asked else None, 0.01 if asked else 0.0))
-    return seen, applied
+        done.seen.append(own.observe(observation))  # not the stack's, which raises for what is checked here
+        done.wanted.append(own.wants_inference(tick))
+        asked = bool(done.wanted[-1]) and tick % every == 0
+        done.applied.append(stack.actuate(tick, _wanted(tick) if asked else None, 0.01 if asked else 0.0))
+    done.schedule = own.schedule()
+    return done
 
 
 def _isolation(before: list[str], clean: list[Observation]) -> Check:
@@ -102,16 +137,61 @@ def _isolation(before: list[str], clean: list[Observation]) -> Check:
 
 def _observations(clean: list[Observation], seen: list[Observation]) -> Check:
     for tick, (given, got) in enumerate(zip(clean, seen, strict=True)):
-        if not isinstance(got, Observation):
-            return Check("observations", False, f"tick {tick}: observe gave {got!r}, expected an Observation.")
-        if set(got.cameras) != set(given.cameras):
-            return Check("observations", False, f"tick {tick}: the cameras became {', '.join(got.cameras) or 'none'}.")
-        for name, image in got.cameras.items():
-            expected, pixels = given.cameras[name].pixels, image.pixels
-            if pixels.shape != expected.shape or pixels.dtype != expected.dtype:
-                change = f"{expected.shape} {expected.dtype} to {pixels.shape} {pixels.dtype}"
-                return Check("observations", False, f"tick {tick}: {name} went from {change}.")
-    return Check("observations", True, "every image keeps its shape and type.")
+        problem = _problem_seen(given, got)
+        if problem is not None:
+            return Check("observations", False, f"tick {tick}: {problem}.")
+    return Check("observations", True, "every image keeps its shape and type, every signal is finite.")
+
+
+def _problem_seen(given: Observation, got: Observation) -> str | None:
+    """Return in a clause why no agent could take this observation, or None."""
+    if not isinstance(got, Observation):
+        return f"observe gave {got!r}, expected an Observation"
+    for name, kind in (("gps", Gps), ("compass", Compass), ("imu", Imu), ("speed", Speed)):
+        signal = getattr(got, name)
+        if not isinstance(signal, kind):
+            return f"{name} is {signal!r}, expected a {kind.__name__}"
+        for part in fields(signal):
+            value: object = getattr(signal, part.name)
+            if not _is_finite(value):
+                return f"{name}.{part.name} is {value!r}, expected a finite number"
+    if set(got.cameras) != set(given.cameras):
+        return f"the cameras became {', '.join(got.cameras) or 'none'}"
+    for name, image in got.cameras.items():
+        if not isinstance(image, Image):
+            return f"{name} is a {type(image).__name__}, expected an Image"
+        expected, pixels = given.cameras[name].pixels, image.pixels
+        if not isinstance(pixels, np.ndarray):
+            return f"the pixels of {name} are a {type(pixels).__name__}, expected an array"
+        if pixels.shape != expected.shape or pixels.dtype != expected.dtype:
+            return f"{name} went from {expected.shape} {expected.dtype} to {pixels.shape} {pixels.dtype}"
+    return None
+
+
+def _is_finite(value: object) -> bool:
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        return False
+
+
+def _inference(done: _Drive) -> Check:
+    for tick, wanted in enumerate(done.wanted):
+        if not isinstance(wanted, bool | int | np.bool_ | np.integer):
+            told = f"tick {tick}: wants_inference gave {wanted!r}, expected True or False"
+            return Check("inference", False, f"{told}: is there a return in every branch?")
+    return Check("inference", True, f"the agent may be asked in {sum(map(bool, done.wanted))} of {_TICKS} ticks.")
+
+
+def _schedule(done: _Drive) -> Check:
+    given = done.schedule
+    if not isinstance(given, Iterable):
+        return Check("schedule", False, f"schedule gave {given!r}, expected a tuple of Injection objects.")
+    injections = tuple(given)
+    for item in injections:
+        if not isinstance(item, Injection):
+            return Check("schedule", False, f"schedule gave {item!r}, expected Injection objects.")
+    return Check("schedule", True, f"{len(injections)} injections are noted for the record.")
 
 
 def _controls(applied: list[Control]) -> Check:
@@ -122,15 +202,13 @@ def _controls(applied: list[Control]) -> Check:
     return Check("controls", True, "every control is within its ranges.")
 
 
-def _determinism(
-    perturbation: Perturbation, clean: list[Observation], seed: int, seen: list[Observation], applied: list[Control]
-) -> Check:
+def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int, done: _Drive) -> Check:
     _episode(perturbation, clean, seed + 1)  # an episode in between must leave no trace
-    seen_again, applied_again = _episode(perturbation, clean, seed)
-    digests = [observation_digest(observation) for observation in seen]
-    tick = first_difference(digests, [observation_digest(observation) for observation in seen_again])
+    again = _episode(perturbation, clean, seed)
+    digests = [observation_digest(observation) for observation in done.seen]
+    tick = first_difference(digests, [observation_digest(observation) for observation in again.seen])
     if tick is None:
-        tick = first_difference(applied, applied_again)
+        tick = first_difference(done.applied, again.applied)
     if tick is not None:
         advice = "draw from (seed, route, stream, sensor, tick) only, and keep no state but what reset builds"
         return Check("determinism", False, f"the same episode differs from tick {tick} on: {advice}.")

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+
+from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,3 +37,11 @@ class ContractReport:
         marks = {True: "ok    ", False: "FAILED"}
         lines = [f"  {marks[check.ok]}  {check.name:{width}}  {check.sentence}" for check in self.checks]
         return "\n".join([f"{self.subject} {'keeps' if self.ok else 'breaks'} the contract", *lines])
+
+
+def attempt(whose: str, check: Callable[..., Check], *arguments: object) -> Check:
+    """Return what `check` finds; where it raises, a failed check of its name that says what `whose` code raised."""
+    try:
+        return check(*arguments)
+    except BLAMED as error:
+        return Check(check.__name__.lstrip("_"), False, f"{blame(whose, error)}.")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import random
+import sys
 from collections.abc import Callable, Sequence
 
 import pytest
@@ -80,6 +81,42 @@ def test_a_factory_that_raises_is_told() -> None:
     assert "OSError: no weights" in check_agent(factory)["methods"].sentence
 
 
+def test_a_constructor_that_exits_is_told() -> None:
+    class Exits(Good):
+        def __init__(self) -> None:
+            sys.exit("no licence")
+
+    report = check_agent(Exits)
+    assert failed(report) == ["methods"]
+    assert "SystemExit: no licence" in report["methods"].sentence
+    assert "test_agent_contract.py" in report["methods"].sentence
+
+
+def test_a_factory_that_gives_one_agent_only_is_told() -> None:
+    made: list[Good] = []
+
+    def single() -> Good:
+        if made:
+            raise OSError("the port is taken")
+        made.append(Good())
+        return made[0]
+
+    report = check_agent(single)
+    assert failed(report) == ["declarations"]
+    assert "OSError: the port is taken" in report["declarations"].sentence
+
+
+def test_a_declaration_that_raises_is_told() -> None:
+    class Unsure(Good):
+        @property
+        def privileged(self) -> bool:
+            raise RuntimeError("ask later")
+
+    report = check_agent(Unsure)
+    assert failed(report) == ["declarations"]
+    assert "RuntimeError: ask later" in report["declarations"].sentence
+
+
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
@@ -119,8 +156,9 @@ def test_two_cameras_of_one_name_are_told() -> None:
 def test_randomness_that_does_not_come_from_the_seed_is_found() -> None:
     source = itertools.count()
     report = check_agent(scripted(lambda observation: Control(throttle=(next(source) % 997) / 997.0)))
-    assert "determinism" in failed(report)
+    assert failed(report) == ["determinism"]
     assert "from act 0 on" in report["determinism"].sentence
+    assert report.checks[-1].name == "plan"  # nothing else can be told of an agent that differs from itself
 
 
 def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
@@ -133,6 +171,37 @@ def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
 
     report = check_agent(Tired)
     assert failed(report) == ["reset"]
+
+
+def test_an_agent_that_breaks_on_another_route_is_found() -> None:
+    class OneRoute(Good):
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            super().reset(route, seed)
+            self.metres = list(range(int(route.points[-1].x_m)))
+
+        def act(self, observation: Observation) -> Control:
+            self.metres[59]  # the other route of the check is shorter
+            return super().act(observation)
+
+    report = check_agent(OneRoute)
+    assert failed(report) == ["reset"]
+    assert "IndexError: list index out of range" in report["reset"].sentence
+
+
+def test_an_agent_whose_second_reset_raises_is_told_what_it_raised() -> None:
+    class Once(Good):
+        used = False
+
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            if self.used:
+                raise RuntimeError("the socket is open")
+            self.used = True
+            super().reset(route, seed)
+
+    report = check_agent(Once)
+    assert failed(report) == ["reset"]
+    assert "RuntimeError: the socket is open" in report["reset"].sentence
+    assert "remembers" not in report["reset"].sentence
 
 
 def test_a_signal_that_is_used_but_not_declared_is_found() -> None:
@@ -197,7 +266,17 @@ def test_an_agent_that_moves_the_world_by_hand_is_found() -> None:
     assert failed(report) == ["isolation"]
 
 
-@pytest.mark.parametrize("planned", [None, PlannedPath(path=((float("nan"), 0.0),))])
+@pytest.mark.parametrize(
+    "planned",
+    [
+        None,
+        PlannedPath(path=((float("nan"), 0.0),)),
+        PlannedPath(path=None),  # type: ignore[arg-type]
+        PlannedPath(path=(1.0, 2.0)),  # type: ignore[arg-type]
+        PlannedPath(path="ahead"),  # type: ignore[arg-type]
+    ],
+    ids=str,
+)
 def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
     class Planner(Good):
         def plan(self) -> PlannedPath:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import itertools
+import math
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pytest
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import Image, Observation
+from pytest_drive_robust.domain.observation import Image, Imu, Observation, Speed
+from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
     EpisodeContext,
@@ -66,7 +70,9 @@ def test_a_users_own_keeps_the_contract() -> None:
         "drives",
         "isolation",
         "observations",
+        "inference",
         "controls",
+        "schedule",
         "determinism",
     ]
 
@@ -109,6 +115,37 @@ def test_a_changed_image_type_is_found() -> None:
     report = check_perturbation(Floating())
     assert failed(report) == ["observations"]
     assert "uint8 to (18, 32, 3) float64" in report["observations"].sentence
+
+
+@pytest.mark.parametrize(
+    ("image", "told"),
+    [
+        (lambda image: Image(image.pixels.tolist(), image.tick), "the pixels of front are a list, expected an array"),
+        (lambda image: image.pixels, "front is a ndarray, expected an Image"),
+    ],
+)
+def test_an_image_that_is_none_is_found(image: Callable[[Image], Image], told: str) -> None:
+    @dataclass
+    class Listed(Perturbation):
+        phrase = "listed"
+
+        def observe(self, observation: Observation) -> Observation:
+            return observation.map_images(lambda name, given: image(given))
+
+    report = check_perturbation(Listed())
+    assert failed(report) == ["observations"]
+    assert told in report["observations"].sentence
+
+
+def test_a_perturbation_that_exits_is_told() -> None:
+    @dataclass
+    class Exits(Perturbation):
+        phrase = "exits"
+
+        def observe(self, observation: Observation) -> Observation:
+            sys.exit("no lens")
+
+    assert "SystemExit: no lens" in check_perturbation(Exits())["drives"].sentence
 
 
 def test_a_lost_camera_is_found() -> None:
@@ -160,6 +197,69 @@ def test_an_impossible_control_is_found() -> None:
             return None if control is None else replace(control, throttle=2.0)
 
     assert failed(check_perturbation(Overdrive())) == ["controls"]
+
+
+def test_a_control_that_is_none_is_tried() -> None:
+    @dataclass
+    class SteerBias(Perturbation):
+        phrase = "steer bias"
+
+        def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
+            return replace(control, steer=0.1)  # type: ignore[type-var]
+
+    report = check_perturbation(SteerBias())
+    assert failed(report) == ["drives"]
+    assert "where the agent is not asked" in report["drives"].sentence
+    assert "actuate gets control=None then" in report["drives"].sentence
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"gps": None}, "tick 0: gps is None, expected a Gps."),
+        ({"compass": 3.0}, "tick 0: compass is 3.0, expected a Compass."),
+        ({"speed": Speed(math.nan, 0)}, "tick 0: speed.mps is nan, expected a finite number."),
+        ({"imu": Imu(0.0, "0", 0.0, 0)}, "tick 0: imu.right_mps2 is '0', expected a finite number."),  # type: ignore[arg-type]
+    ],
+)
+def test_a_signal_that_no_agent_can_take_is_found(changes: dict[str, object], told: str) -> None:
+    @dataclass
+    class Garbled(Perturbation):
+        phrase = "garbled"
+
+        def observe(self, observation: Observation) -> Observation:
+            return replace(observation, **changes)  # type: ignore[arg-type]
+
+    report = check_perturbation(Garbled())
+    assert failed(report) == ["observations"]
+    assert report["observations"].sentence == told
+
+
+def test_a_wants_inference_without_a_return_is_found() -> None:
+    @dataclass
+    class Forgetful(Perturbation):
+        phrase = "forgetful"
+
+        def wants_inference(self, tick: int) -> bool:
+            tick % 2 == 0  # type: ignore[return]  # noqa: B015
+
+    report = check_perturbation(Forgetful())
+    assert failed(report) == ["inference"]
+    assert "wants_inference gave None, expected True or False" in report["inference"].sentence
+
+
+@pytest.mark.parametrize("given", [[{"signal": "gps"}], (("gps", 0, 10),), None])
+def test_a_schedule_of_other_things_than_injections_is_found(given: object) -> None:
+    @dataclass
+    class Scheduled(Perturbation):
+        phrase = "scheduled"
+
+        def schedule(self) -> tuple[Injection, ...]:
+            return given  # type: ignore[return-value]
+
+    report = check_perturbation(Scheduled())
+    assert failed(report) == ["schedule"]
+    assert "Injection objects" in report["schedule"].sentence
 
 
 def test_an_exception_is_told_with_its_line() -> None:

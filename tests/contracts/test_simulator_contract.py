@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import pytest
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import Observation
-from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
+from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
@@ -23,7 +27,43 @@ def test_the_fake_keeps_the_contract() -> None:
     report = check_simulator(FakeSimulator)
     assert report.ok, str(report)
     names = [check.name for check in report.checks]
-    assert names == ["members", "end", "stamps", "images", "truth", "isolation", "determinism", "close"]
+    assert names == [
+        "members",
+        "end",
+        "versions",
+        "stamps",
+        "images",
+        "truth",
+        "determinism",
+        "reset",
+        "isolation",
+        "close",
+    ]
+
+
+@pytest.mark.parametrize("rate_hz", [10, 20, 25, 30])
+def test_a_world_of_any_rate_is_driven(rate_hz: int) -> None:
+    def made(options: SimulatorOptions) -> FakeSimulator:
+        world = FakeSimulator(options)
+        world.dt_s = 1.0 / rate_hz
+        return world
+
+    report = check_simulator(made)
+    assert report.ok, str(report)
+    assert "ends after " in report["end"].sentence
+    assert "after 0 ticks" not in report["end"].sentence
+
+
+@pytest.mark.parametrize("dt_s", [0.0, None])
+def test_a_tick_without_length_is_found(dt_s: float) -> None:
+    class Timeless(FakeSimulator):
+        def __init__(self, options: SimulatorOptions) -> None:
+            super().__init__(options)
+            self.dt_s = dt_s
+
+    report = check_simulator(Timeless)
+    assert failed(report) == ["members"]
+    assert f"dt_s is {dt_s!r}, expected the seconds of a tick" in report["members"].sentence
 
 
 def test_missing_members_are_named() -> None:
@@ -77,6 +117,47 @@ def test_an_image_of_another_size_is_found() -> None:
     assert failed(check_simulator(Cropped)) == ["images"]
 
 
+@pytest.mark.parametrize(
+    ("cameras", "told"),
+    [
+        (lambda seen: {}, "tick 0: there is no image of the camera front."),
+        (
+            lambda seen: {name: Image(image.pixels.tolist(), image.tick) for name, image in seen.cameras.items()},
+            "tick 0: the pixels of front are a list, expected an array.",
+        ),
+    ],
+)
+def test_what_is_no_image_is_found(cameras: Callable[[Observation], dict[str, Image]], told: str) -> None:
+    class Blind(FakeSimulator):
+        def observe(self) -> Observation:
+            seen = super().observe()
+            return replace(seen, cameras=cameras(seen))
+
+    report = check_simulator(Blind)
+    assert failed(report) == ["images"]
+    assert report["images"].sentence == told
+
+
+def test_a_truth_that_is_none_is_found() -> None:
+    class Untrue(FakeSimulator):
+        def truth(self) -> GroundTruth:
+            return None  # type: ignore[return-value]
+
+    report = check_simulator(Untrue)
+    assert failed(report) == ["truth"]
+    assert report["truth"].sentence == "truth gave None, expected a GroundTruth."
+
+
+@pytest.mark.parametrize("method", ["reset", "observe", "step", "score", "truth", "plan", "versions", "close"])
+def test_a_world_that_exits_is_told(method: str) -> None:
+    def leave(self: FakeSimulator, *arguments: object, **options: object) -> None:
+        sys.exit("no server")
+
+    report = check_simulator(type("Exits", (FakeSimulator,), {method: leave}))
+    assert "SystemExit: no server" in str(report)
+    assert not report.ok
+
+
 def test_truth_in_the_observation_is_found() -> None:
     class Open(FakeSimulator):
         def observe(self) -> Observation:
@@ -100,7 +181,82 @@ def test_a_world_that_is_different_every_time_is_found() -> None:
         def step(self, control: Control) -> WorldState:
             return super().step(replace(control, throttle=(next(source) % 101) / 101.0))
 
-    assert {"determinism", "isolation"} <= set(failed(check_simulator(Windy)))
+    report = check_simulator(Windy)
+    assert failed(report) == ["determinism"]
+    assert not {"reset", "isolation"} & {check.name for check in report.checks}
+
+
+def test_a_plan_that_is_different_every_time_is_found() -> None:
+    source = itertools.count()
+
+    class Wayward(FakeSimulator):
+        def plan(self) -> GlobalPlan:
+            return GlobalPlan((*super().plan().points, PlanPoint(float(next(source)), 0.0, RoadOption.LANE_FOLLOW)))
+
+    report = check_simulator(Wayward)
+    assert failed(report) == ["determinism"]
+    assert "has another plan" in report["determinism"].sentence
+
+
+def test_a_speed_that_is_left_of_the_last_episode_is_found() -> None:
+    class Rolling(FakeSimulator):
+        def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+            before = getattr(self, "_ego", None)
+            super().reset(route, seed=seed, cameras=cameras)
+            if before is not None:
+                self._ego = replace(self._ego, speed_mps=before.speed_mps)
+            return self._frame()
+
+    report = check_simulator(Rolling)
+    assert failed(report) == ["reset"]
+    assert "looks different in tick 0" in report["reset"].sentence
+
+
+def test_infractions_that_are_left_of_the_last_episode_are_found() -> None:
+    class Resentful(FakeSimulator):
+        def score(self) -> EpisodeScore:
+            self.infractions = (*self.infractions, Infraction(InfractionKind.COLLISION_VEHICLE, 3, "a car", 0.0, 0.0))
+            return super().score()
+
+    report = check_simulator(Resentful)
+    assert failed(report) == ["reset"]
+    assert "has another score: infractions" in report["reset"].sentence
+
+
+@pytest.mark.parametrize(
+    ("done", "told"),
+    [
+        (False, "after 0 ticks done is False, expected an End"),
+        (End.COMPLETED, "the episode is over after 0 ticks"),
+        ("finished", "done is 'finished', expected an End"),
+    ],
+)
+def test_an_episode_in_which_nothing_is_driven_is_found(done: object, told: str) -> None:
+    class Idle(FakeSimulator):
+        @property
+        def done(self) -> End | None:
+            return done  # type: ignore[return-value]
+
+        def score(self) -> EpisodeScore:
+            return EpisodeScore(End.COMPLETED, "", 0.0, 60.0, (), (), junction_passed=False)
+
+    report = check_simulator(Idle)
+    assert failed(report) == ["end"]
+    assert told in report["end"].sentence
+    assert report.checks[-1].name == "end"
+
+
+@pytest.mark.parametrize(
+    ("versions", "told"), [({"world": 15}, "versions has 'world': 15"), ({3: "1"}, "versions has 3: '1'")]
+)
+def test_versions_that_are_no_text_are_found(versions: dict[str, str], told: str) -> None:
+    class Numbered(FakeSimulator):
+        def versions(self) -> dict[str, str]:
+            return versions
+
+    report = check_simulator(Numbered)
+    assert failed(report) == ["versions"]
+    assert told in report["versions"].sentence
 
 
 def test_closing_twice_must_do_no_harm() -> None:

@@ -108,6 +108,23 @@ def test_the_command_line_refuses_the_same(simulator, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("body", ["raise SystemExit('no licence')", "1 / 0", "import no_such_module"])
+def test_a_module_of_environments_that_does_not_load_is_refused(body, tmp_path, monkeypatch, capsys):
+    (tmp_path / "leaving.py").write_text(body)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    arguments = ["replay", "merge-v1-0", "--agent", f"{__name__}:standing", "--sim", "gymnasium:leaving:merge-v1"]
+    assert main(arguments) == 4
+    assert "the module 'leaving' of gymnasium:leaving:merge-v1 does not load: " in capsys.readouterr().err
+
+
+def test_pytest_refuses_a_module_of_environments_that_exits(run, tmp_path):
+    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no licence')")
+    result = run("--drive-sim", "gymnasium:leaving:merge-v1")
+    assert result.returncode == 4, result.stdout + result.stderr
+    assert "does not load: SystemExit: no licence." in result.stdout + result.stderr
+    assert "INTERNALERROR" not in result.stdout + result.stderr
+
+
 def test_the_list_of_simulators_shows_how_to_name_one(capsys):
     assert main(["list", "simulators"]) == 0
     shown = capsys.readouterr().out

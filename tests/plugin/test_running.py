@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shlex
 import signal
 import subprocess
@@ -66,6 +67,22 @@ def test_the_replay_line_drives_again_what_a_conftest_registered(suite):
     replayed = folder.run(sys.executable, "-m", "pytest_drive_robust.cli", *words, "--no-video")
     assert replayed.ret == 0
     replayed.stdout.fnmatch_lines(["steady on 3 under throttle 0.3, seed 0 (Straight)", "first divergence at * s in *"])
+
+
+@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["one-process", "one-worker"])
+def test_replay_lines_and_reports_name_a_conftest_that_stands_below_the_root(suite, workers):
+    folder = suite(RED)
+    below = folder.path / "suites" / "own"
+    below.mkdir(parents=True)
+    for name in ("conftest.py", "test_suite.py"):
+        (folder.path / name).rename(below / name)
+    result = run(folder, *workers, "--drive-json", "run.json", ".")
+    words = shlex.split(next(line for line in result.outlines if line.startswith("  replay:  ")))[2:]
+    assert words[:3] == ["-p", "suites/own/conftest.py", "replay"]
+    assert json.loads((folder.path / "run.json").read_text())["settings"]["plugins"] == ["suites/own/conftest.py"]
+    replayed = folder.run(sys.executable, "-m", "pytest_drive_robust.cli", *words, "--no-video")
+    assert replayed.ret == 0
+    replayed.stdout.fnmatch_lines(["steady on 3 under throttle 0.3, seed 0 (Straight)"])
 
 
 def assert_table(lines, *, verdicts):

@@ -50,6 +50,26 @@ def test_fresh_runs_and_runs_without_a_store_drive_again(rerun):
     assert statistics(rerun.folder.path / "elsewhere").records == 6
 
 
+@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["one-process", "one-worker"])
+def test_a_store_outside_is_found_again_though_it_moves_the_root_folder(rerun, monkeypatch, plugin_args, workers):
+    """Without an ini file pytest takes the store for a folder of tests, once it is there."""
+    below = rerun.folder.path / "project"
+    below.mkdir()
+    for name in ("conftest.py", "test_suite.py", "routes.xml"):
+        (rerun.folder.path / name).rename(below / name)
+    (rerun.folder.path / "tox.ini").unlink()
+    monkeypatch.chdir(below)
+    line = [*plugin_args, "-W", "ignore:Module already imported", *workers]
+    line += ["--drive-robust", "--drive-sim=fake", "--drive-agent=steady", "--drive-routes=routes.xml"]
+    line += ["--drive-verdict=point", "--drive-executor=inline", "--drive-store", "../store"]
+    results = [rerun.folder.runpytest_inprocess(*line) for _ in range(2)]
+    assert [result.ret for result in results] == [0, 0]
+    first, second = (next(text for text in result.outlines if text.startswith("rootdir: ")) for result in results)
+    assert first != second, "else this shows nothing"
+    assert len((below / "driven.log").read_text().splitlines()) == 6
+    assert statistics(rerun.folder.path / "store").records == 6
+
+
 def test_a_byte_of_the_agent_drives_again_and_a_test_of_another_name_does_not(rerun):
     arguments = ("--drive-agent", "agent_module:own")
     suite_file, agent_file = rerun.folder.path / "test_suite.py", rerun.folder.path / "agent_module.py"

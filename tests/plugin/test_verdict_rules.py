@@ -175,3 +175,23 @@ def test_workers_come_to_the_same_verdicts(suite) -> None:
         ).assert_outcomes(passed=1, failed=1)
         found.append({name: (one["verdict"], one["routes"]) for name, one in verdicts(pytester).items()})
     assert found[0] == found[1]
+
+
+@pytest.mark.parametrize("given", ["'many'", "[1.0, 2.0]", "__import__('numpy').array([1.0, 2.0])"])
+@pytest.mark.parametrize("rule", ["point", "evidence"])
+def test_a_metric_that_gives_no_number_is_named(suite, rule, given):
+    metric = f"""
+
+_register = pytest_drive_robust_register
+
+
+def pytest_drive_robust_register(registry):
+    _register(registry)
+    registry.register_metric("bumps", lambda results: {given})
+"""
+    result = suite("bumps under clean <= 3", conftest=metric).runpytest_inprocess(
+        "--drive-robust", "--drive-verdict", rule
+    )
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*the metric bumps gave *, expected a finite number*"])
+    result.stdout.no_fnmatch_line("*Traceback*")

@@ -102,8 +102,11 @@ def find_spec(identifier: str) -> EnvSpec:
     if module:
         try:
             importlib.import_module(module)
-        except ImportError as error:
-            raise UsageError(f"the module {module!r} of gymnasium:{identifier} does not load: {error}") from error
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
+            what = f"the module {module!r} of gymnasium:{identifier}"
+            raise UsageError(f"{what} does not load: {type(error).__name__}: {error}.") from error
     if name in _REFUSED:
         reason, instead = _REFUSED[name]
         raise UsageError(

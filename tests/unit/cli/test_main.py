@@ -34,6 +34,34 @@ def test_a_plugin_that_cannot_be_used_exits_with_4_and_one_message(
     assert "Traceback" not in captured.err
 
 
+@pytest.mark.parametrize(
+    ("hook", "told"),
+    [
+        ("(reg): pass", "whose pytest_drive_robust_register(reg) raised TypeError: "),
+        ("(registry): 1 / 0", "raised ZeroDivisionError: division by zero ("),
+        ("(registry): raise SystemExit('no licence')", "raised SystemExit: no licence ("),
+        ("(registry): registry.register_metric('DS', len)", "'DS' is a built-in metric"),
+        (" = 3", "raised TypeError: "),
+    ],
+)
+def test_a_hook_that_breaks_exits_with_4_and_names_its_file(
+    hook: str, told: str, agents_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delitem(sys.modules, "conftest", raising=False)
+    name = "pytest_drive_robust_register"
+    (agents_folder / "conftest.py").write_text(f"{name}{hook}" if "=" in hook else f"\ndef {name}{hook}")
+    assert main(["-p", "conftest.py", "list", "agents"]) == 4
+    message = capsys.readouterr().err
+    assert message.startswith("drive-robust: ")
+    assert told in message
+    if "built-in" not in told:
+        assert "-p is 'conftest.py'" in message
+        assert str(agents_folder / "conftest.py") in message
+        assert "Expected pytest_drive_robust_register(registry)" in message
+    if "(" in told[-1]:
+        assert "conftest.py:2)" in message
+
+
 @pytest.mark.parametrize("inside", ["", "pack"])
 def test_a_module_or_a_conftest_registers_names(
     inside: str, agents_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

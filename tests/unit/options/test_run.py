@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -13,8 +14,11 @@ from pytest_drive_robust.options.run import RunOptions
 class FakeConfig:
     """A pytest config: options by dest, ini values by key."""
 
-    def __init__(self, ini: dict[str, str] | None = None, *, rootpath: Path = Path(), **options: str) -> None:
+    def __init__(
+        self, ini: dict[str, str] | None = None, *, rootpath: Path = Path(), called_in: Path = Path(), **options: str
+    ) -> None:
         self.rootpath = rootpath
+        self.invocation_params = SimpleNamespace(dir=called_in)
         self._ini = ini or {}
         self._options = options
 
@@ -85,7 +89,18 @@ def test_a_store_that_is_a_file_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"--drive-store is '.*kept', which is a file; expected a folder, or off"):
         RunOptions.from_pytest_config(FakeConfig(drive_store=str(tmp_path / "kept")))
     with pytest.raises(UsageError, match="--drive-store is 'kept'"):
-        RunOptions.from_pytest_config(FakeConfig(drive_store="kept", rootpath=tmp_path))
+        RunOptions.from_pytest_config(FakeConfig({"drive_store": "kept"}, rootpath=tmp_path))
+    with pytest.raises(UsageError, match="--drive-store is 'kept'"):
+        RunOptions.from_pytest_config(FakeConfig(drive_store="kept", called_in=tmp_path))
+
+
+def test_a_store_of_the_command_line_starts_from_the_folder_that_pytest_was_called_in(tmp_path):
+    ini = {"drive_store": "kept"}
+    folders = {"rootpath": tmp_path / "root", "called_in": tmp_path / "here"}
+    assert RunOptions.from_pytest_config(FakeConfig(ini, **folders)).store == "kept"
+    asked = RunOptions.from_pytest_config(FakeConfig(ini, drive_store="../mine", **folders)).store
+    assert Path(asked) == tmp_path / "here" / ".." / "mine"
+    assert RunOptions.from_pytest_config(FakeConfig(ini, drive_store="off", **folders)).store == "off"
 
 
 @pytest.mark.parametrize(("text", "stop_s"), [("none", None), ("", None), ("2.5", 2.5)])

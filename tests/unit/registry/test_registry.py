@@ -221,6 +221,19 @@ def test_a_built_in_metric_keeps_its_meaning() -> None:
         Registry().register_metric("DS", len)
 
 
+@pytest.mark.parametrize("name", ["my metric", "speed\tp95", "#bumps", "bumps<=3", "share≥half"])
+def test_a_metric_that_no_sentence_can_name_is_refused(name: str) -> None:
+    with pytest.raises(UsageError, match=r"cannot name a metric: no sentence could ask for it.*Call it '\w+', say"):
+        Registry().register_metric(name, len)
+
+
+@pytest.mark.parametrize("name", ["p95-speed", "ticks", "méan", "a.b", "%late"])
+def test_a_metric_of_one_word_may_look_like_anything(name: str) -> None:
+    registry = Registry()
+    registry.register_metric(name, len)
+    assert name in dict(registry.names("metrics"))
+
+
 def test_a_required_name_is_loaded_but_nothing_is_made_of_it(install: Install) -> None:
     install("unread-agents", "1.0", group="agents", entry="unread", source="raise RuntimeError('imported')")
     registry = Registry()
