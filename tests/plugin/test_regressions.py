@@ -154,7 +154,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
         (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
-        (("--drive-ray-address", "auto"), "--drive-ray-address is of --drive-executor ray only"),
+        (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
         (("--drive-waivers=none.toml",), "there is no file"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",

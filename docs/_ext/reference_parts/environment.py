@@ -8,6 +8,7 @@ from reference_parts.rst import list_table
 
 _VARIABLES: Mapping[str, str] = {
     "NUMBA_CACHE_DIR": "the folder that compiled kernels are kept in; else the user's cache folder",
+    "NUMBA_DISABLE_JIT": "refused when it is set: the embedded world needs compiled kernels",
     "XDG_CACHE_HOME": "where the user's cache folder is, as everywhere on Linux",
     "GITHUB_STEP_SUMMARY": "the file that the table is appended to; GitHub sets it",
     "GITHUB_TOKEN": "what ``drive-robust comment`` may write the comment with; without one it writes none",
