@@ -20,6 +20,7 @@ from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.routes import training_keys
 from drive_robust_agents.training.data.shards import Shard, WrittenShard
+from drive_robust_agents.training.prerequisites import require_packages
 from pytest_drive_robust import Setting
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -250,6 +251,7 @@ def collection_of(given: argparse.Namespace) -> Collection:
 
 def run(given: argparse.Namespace) -> int:
     """Collect as the options say; the exit code: 130 when it was broken off. Raises `UsageError`."""
+    require_packages("rich")
     try:
         found = collect(collection_of(given), given.out, workers=given.workers)
     except KeyboardInterrupt:
