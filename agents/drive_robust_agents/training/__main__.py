@@ -49,6 +49,9 @@ def main(arguments: list[str] | None = None) -> int:
         code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)
     except DriveRobustError as error:
         parser.exit(4, f"{error}\n")
+    except KeyboardInterrupt:  # `collect` and `train` say themselves how far they came
+        print("stopped; the same command goes on")
+        return 130
     return code
 
 
