@@ -15,7 +15,7 @@ from typing import Any
 
 from drive_robust_agents.training.data.dagger import Mixture, agent_of
 from drive_robust_agents.training.data.expert_episode import Teacher
-from drive_robust_agents.training.data.frames import read_done
+from drive_robust_agents.training.data.frames import read_done, shard_name, shard_numbers
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.routes import training_keys
@@ -140,7 +140,7 @@ def _done(shard: Shard) -> dict[str, Any] | None:
 
 
 def _claim(collection: Collection, out: Path) -> None:
-    """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
+    """Note in the folder what it is for, or check that it is for the same; there may be more routes than before."""
     asked: dict[str, Any] = {
         **asdict(collection),
         "types": sorted(collection.types),
@@ -155,10 +155,21 @@ def _claim(collection: Collection, out: Path) -> None:
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
             raise UsageError(f"{out} holds other data ({said}). Give another folder, or the same arguments to go on.")
+        _require_room(len(collection.shards(out)), out)
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
     write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+
+
+def _require_room(asked: int, out: Path) -> None:
+    """Raise `UsageError` for a folder with shards behind those asked for: `train` would read them, too."""
+    last = max(shard_numbers(out), default=-1)
+    if last >= asked:
+        raise UsageError(
+            f"{out} holds {shard_name(last)}, and the routes asked for end with {shard_name(asked - 1)}: training "
+            "would read more than was asked for. Give another folder, or at least as many routes as before."
+        )
 
 
 def draws_of(folder: Path) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of, main
 from drive_robust_agents.training.data.expert_episode import Teacher
+from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import ON_WAY
@@ -156,6 +157,16 @@ def test_more_routes_are_added_to_those_that_are_there(tmp_path: Path, monkeypat
     asked.clear()
     assert collect(Collection("tcp", routes=6, shard_routes=2), tmp_path, progress=False).shards == 3
     assert asked == [("1-301", "1-401"), ("1-501", "1-601")]  # the shard of one route was not whole
+
+
+def test_fewer_shards_than_the_folder_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    collect(Collection("tcp", routes=6, shard_routes=2), tmp_path, progress=False)
+    with pytest.raises(UsageError, match=r"holds shard-00002, and the routes asked for end with shard-00001"):
+        collect(Collection("tcp", routes=4, shard_routes=2), tmp_path, progress=False)
+    assert draws_of(tmp_path)["routes"] == 6
+    assert collect(Collection("tcp", routes=5, shard_routes=2), tmp_path, progress=False).shards == 3
+    assert len(Frames(tmp_path)) == 3
 
 
 def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
