@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from drive_robust_agents.training.data.dagger import Mixture, agent_of
+from drive_robust_agents.training.data.dagger import Mixture, agent_of, weights_digest
 from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import read_done, shard_name, shard_numbers
 from drive_robust_agents.training.data.pool import written
@@ -83,8 +83,8 @@ class Collection:
             raise UsageError(
                 "--settings are for the agent of --dagger, which is lacking: nothing fails for the expert."
             )
-        if self._mixture is not None:
-            agent_of(self._mixture)  # an agent that cannot be made is said at once
+        if self.mixture is not None:
+            agent_of(self.mixture)  # an agent that cannot be made is said at once
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """Return all shards of the collection."""
@@ -93,13 +93,14 @@ class Collection:
         return tuple(
             Shard(
                 folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, self.data_seed,
-                self._mixture, teacher,
+                self.mixture, teacher,
             )
             for k in range(-(-len(keys) // step))
         )  # fmt: skip
 
     @property
-    def _mixture(self) -> Mixture | None:
+    def mixture(self) -> Mixture | None:
+        """Who shares the driving with the expert, or None when nobody does."""
         if self.dagger is None:
             return None
         return Mixture(self.agent, self.dagger, self.beta, self.settings)
@@ -147,10 +148,12 @@ def _claim(collection: Collection, out: Path) -> None:
         "settings": list(collection.settings),
     }
     asked["simulator"] = EmbeddedSimulator.version
+    asked["dagger_weights"] = None if collection.mixture is None else weights_digest(collection.mixture)
     asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
-        there = {"room_s": 0.0, "halt_s": 0.0, **json.loads(file.read_text(encoding="utf-8"))}
+        unsaid = {"room_s": 0.0, "halt_s": 0.0, "dagger_weights": asked["dagger_weights"]}  # in older folders
+        there = {**unsaid, **json.loads(file.read_text(encoding="utf-8"))}
         other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
