@@ -7,6 +7,7 @@ import os
 import sys
 from importlib import import_module
 
+from drive_robust_agents.training.prerequisites import TRAINING, require_packages
 from pytest_drive_robust.errors import DriveRobustError
 
 _COMMANDS = {
@@ -17,6 +18,16 @@ _COMMANDS = {
     "graphs": "what ONNX Runtime needs beside weights: written by `train`, again for weights that have none",
     "publish": "the chosen weights, into the package or a folder",
 }
+
+_IMPORTS = {
+    "train": TRAINING,
+    "evaluate": ("rich",),
+    "graphs": ("torch", "onnx"),
+    "publish": ("torch", "safetensors"),
+}
+"""Packages of the extra that the module of a command, or a function far behind its start, imports.
+
+`reproduce` and `collect` look for theirs when they run, so that their help is there without."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -29,6 +40,7 @@ def main(arguments: list[str] | None = None) -> int:
         one = parsers.add_parser(name, help=words, description=words)
         if given and given[0] == name:  # the others need not be imported
             try:
+                require_packages(*_IMPORTS.get(name, ()))
                 import_module(f"drive_robust_agents.training.{name}").add_arguments(one)
             except DriveRobustError as error:
                 parser.exit(4, f"{error}\n")
@@ -37,6 +49,9 @@ def main(arguments: list[str] | None = None) -> int:
         code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)
     except DriveRobustError as error:
         parser.exit(4, f"{error}\n")
+    except KeyboardInterrupt:  # `collect` and `train` say themselves how far they came
+        print("stopped; the same command goes on")
+        return 130
     return code
 
 

@@ -13,13 +13,14 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from drive_robust_agents.training.data.dagger import Mixture, agent_of
+from drive_robust_agents.training.data.dagger import Mixture, agent_of, weights_digest
 from drive_robust_agents.training.data.expert_episode import Teacher
-from drive_robust_agents.training.data.frames import read_done
+from drive_robust_agents.training.data.frames import read_done, shard_name, shard_numbers
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.routes import training_keys
 from drive_robust_agents.training.data.shards import Shard, WrittenShard
+from drive_robust_agents.training.prerequisites import require_packages
 from pytest_drive_robust import Setting
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -82,8 +83,8 @@ class Collection:
             raise UsageError(
                 "--settings are for the agent of --dagger, which is lacking: nothing fails for the expert."
             )
-        if self._mixture is not None:
-            agent_of(self._mixture)  # an agent that cannot be made is said at once
+        if self.mixture is not None:
+            agent_of(self.mixture)  # an agent that cannot be made is said at once
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """Return all shards of the collection."""
@@ -92,13 +93,14 @@ class Collection:
         return tuple(
             Shard(
                 folder, k, keys[k * step : (k + 1) * step], k * step, self.agent, self.episodes, self.data_seed,
-                self._mixture, teacher,
+                self.mixture, teacher,
             )
             for k in range(-(-len(keys) // step))
         )  # fmt: skip
 
     @property
-    def _mixture(self) -> Mixture | None:
+    def mixture(self) -> Mixture | None:
+        """Who shares the driving with the expert, or None when nobody does."""
         if self.dagger is None:
             return None
         return Mixture(self.agent, self.dagger, self.beta, self.settings)
@@ -139,25 +141,38 @@ def _done(shard: Shard) -> dict[str, Any] | None:
 
 
 def _claim(collection: Collection, out: Path) -> None:
-    """Note in the folder what it is for, or check that it is for the same; there may be more or fewer routes."""
+    """Note in the folder what it is for, or check that it is for the same; there may be more routes than before."""
     asked: dict[str, Any] = {
         **asdict(collection),
         "types": sorted(collection.types),
         "settings": list(collection.settings),
     }
     asked["simulator"] = EmbeddedSimulator.version
+    asked["dagger_weights"] = None if collection.mixture is None else weights_digest(collection.mixture)
     asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
     file = out / _ASKED
     if file.is_file():
-        there = {"room_s": 0.0, "halt_s": 0.0, **json.loads(file.read_text(encoding="utf-8"))}
+        unsaid = {"room_s": 0.0, "halt_s": 0.0, "dagger_weights": asked["dagger_weights"]}  # in older folders
+        there = {**unsaid, **json.loads(file.read_text(encoding="utf-8"))}
         other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
             raise UsageError(f"{out} holds other data ({said}). Give another folder, or the same arguments to go on.")
+        _require_room(len(collection.shards(out)), out)
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
     write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+
+
+def _require_room(asked: int, out: Path) -> None:
+    """Raise `UsageError` for a folder with shards behind those asked for: `train` would read them, too."""
+    last = max(shard_numbers(out), default=-1)
+    if last >= asked:
+        raise UsageError(
+            f"{out} holds {shard_name(last)}, and the routes asked for end with {shard_name(asked - 1)}: training "
+            "would read more than was asked for. Give another folder, or at least as many routes as before."
+        )
 
 
 def draws_of(folder: Path) -> dict[str, Any]:
@@ -250,6 +265,7 @@ def collection_of(given: argparse.Namespace) -> Collection:
 
 def run(given: argparse.Namespace) -> int:
     """Collect as the options say; the exit code: 130 when it was broken off. Raises `UsageError`."""
+    require_packages("rich")
     try:
         found = collect(collection_of(given), given.out, workers=given.workers)
     except KeyboardInterrupt:

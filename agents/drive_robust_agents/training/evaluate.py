@@ -23,7 +23,7 @@ from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.whole_file import write_whole
 
-__all__ = ["add_arguments", "evaluate", "run"]
+__all__ = ["add_arguments", "evaluate", "evaluation_routes", "run"]
 
 _CLEAN = "clean"
 
@@ -72,7 +72,7 @@ def evaluate(
     simulator: str = DEFAULT_SIMULATOR,
 ) -> dict[str, Any]:
     """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score."""
-    described, routes = _routes(routes_spec)
+    described, routes = evaluation_routes(routes_spec)
     names = [candidate_name(agent, file) for file in files]
     wanted = (_CLEAN, *(setting for setting in settings if setting != _CLEAN))
     driven = drive(names, wanted, routes, workers=workers, store=store, simulator=simulator)
@@ -88,6 +88,15 @@ def evaluate(
     return {"agent": agent, "routes": described, "best": scores.index(max(scores)), "candidates": candidates}
 
 
+def evaluation_routes(spec: str) -> tuple[str, Sequence[Route]]:
+    """Return what a manifest calls the routes of `--routes`, and the routes. Raises `UsageError` for unknown ones."""
+    if spec.isdecimal() and int(spec) < 100:  # a number of three digits is the id of a route
+        return f"held-out (generator seed {VALIDATION_SEED}), {spec} of each type", validation_routes(
+            per_type=int(spec)
+        )
+    return spec, resolve_routes(spec)
+
+
 def _files(given: argparse.Namespace) -> list[Path]:
     if given.weights is not None:
         return list(given.weights)
@@ -95,15 +104,6 @@ def _files(given: argparse.Namespace) -> list[Path]:
     if not files:
         raise UsageError(f"{given.run} holds no weights of {given.agent!r}: train, with the same --run.")
     return [file.absolute() for file in files]
-
-
-def _routes(spec: str) -> tuple[str, Sequence[Route]]:
-    """Return the routes, and what a manifest calls them."""
-    if spec.isdecimal() and int(spec) < 100:  # a number of three digits is the id of a route
-        return f"held-out (generator seed {VALIDATION_SEED}), {spec} of each type", validation_routes(
-            per_type=int(spec)
-        )
-    return spec, resolve_routes(spec)
 
 
 def _print(found: dict[str, Any], console: Console) -> None:

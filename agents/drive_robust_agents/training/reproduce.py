@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 
+from drive_robust_agents.training.prerequisites import TRAINING, require_device, require_packages
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["CURRICULA", "Curriculum", "Dagger", "add_arguments", "commands", "run"]
@@ -57,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of everything; goes on where it stopped")
     parser.add_argument("--share", type=float, default=1.0, help="of the routes and frames, for a first look")
     parser.add_argument("--routes", default="1", help="what candidates are chosen on, as `evaluate` understands it")
-    parser.add_argument("--device", default="cpu", help="cpu or cuda")
+    parser.add_argument("--device", default="cpu", help="cpu, cuda or cuda:N")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes that drive (all cores)")
 
 
@@ -67,6 +68,7 @@ def run(given: argparse.Namespace) -> int:
 
     if not 0.0 < given.share <= 1.0:
         raise UsageError(f"--share is {given.share!r}, expected more than 0 and at most 1.")
+    _check(given)
     for command in commands(given):
         print(f"\n$ python -m drive_robust_agents.training {shlex.join(command)}", flush=True)
         code = main(command)
@@ -74,6 +76,15 @@ def run(given: argparse.Namespace) -> int:
             return code
     print(f"\nthe best weights: {_best(given, len(CURRICULA[given.agent].rounds))}")
     return 0
+
+
+def _check(given: argparse.Namespace) -> None:
+    """Raise `UsageError` at once for what a later step would refuse, hours after the first one began."""
+    require_packages(*TRAINING)
+    require_device(given.device)
+    from drive_robust_agents.training.evaluate import evaluation_routes
+
+    evaluation_routes(given.routes)
 
 
 def commands(given: argparse.Namespace) -> Iterator[list[str]]:

@@ -19,8 +19,8 @@ from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
 from drive_robust_agents.training.loop.trainer import Trainer, TrainingOptions
+from drive_robust_agents.training.prerequisites import require_device
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
-from pytest_drive_robust.errors import UsageError
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import TrainingRecipe
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--start", type=Path, help="begin with these weights (a published file), and with the last stage of the recipe"
     )
-    parser.add_argument("--device", default="cpu", help="cpu or cuda")
+    parser.add_argument("--device", default="cpu", help="cpu, cuda or cuda:N")
     parser.add_argument(
         "--dtype",
         choices=("float32", "bfloat16"),
@@ -61,12 +61,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Train as the options say. The exit code is 130 when it was interrupted."""
+    """Train as the options say. The exit code is 130 when it was interrupted. Raises `UsageError`."""
+    require_device(given.device)
     check_world(given.frames)
     torch.set_num_threads(given.threads)
     recipe = recipe_of(given.agent, robust=given.robust)
-    if given.device.startswith("cuda") and not torch.cuda.is_available():
-        raise UsageError(f"--device {given.device}: torch {torch.__version__} sees no CUDA device here. Give cpu.")
     readers = given.readers or (8 if given.device.startswith("cuda") else 1)
     dtype = given.dtype or ("bfloat16" if given.device.startswith("cuda") else "float32")
     frames, batch = Frames(*given.frames), given.batch or recipe.defaults.batch

@@ -18,6 +18,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import SHIPPED, TICK_CAP, ExpertEpisode, Teacher
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
@@ -29,7 +30,7 @@ from pytest_drive_robust.registry.entries import configured
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 
-__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "file_and_options"]
+__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "file_and_options", "weights_digest"]
 
 _WEIGHTS = ".safetensors"
 _TURN_TICKS = (20, 60)
@@ -68,6 +69,16 @@ def agent_of(mixture: Mixture) -> Agent:
         factory = cast("Callable[..., Agent]", configured(mixture.agent, loaded, options) if options else loaded)
         return factory(weights=file)
     return registry.agent(mixture.driver)
+
+
+def weights_digest(mixture: Mixture) -> str | None:
+    """Return the SHA-256 of the weights that drive, or None for an agent by name.
+
+    A file may become another one under the same path, and its version may change while its content does not. Raises
+    `UsageError` for a file without a manifest.
+    """
+    driver, _ = file_and_options(mixture.driver)
+    return locate(mixture.agent, driver)[1].sha256 if driver.endswith(_WEIGHTS) else None
 
 
 def file_and_options(text: str) -> tuple[str, str]:

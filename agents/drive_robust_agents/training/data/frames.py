@@ -47,7 +47,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
-__all__ = ["DONE", "Frames", "read_done", "shard_name", "write_shard"]
+__all__ = ["DONE", "Frames", "read_done", "shard_name", "shard_numbers", "write_shard"]
 
 DONE = "done.json"
 _FORMAT = 1
@@ -57,6 +57,12 @@ _EPISODES_PER_FOLDER = 10_000_000
 def shard_name(number: int) -> str:
     """Return the folder name of a shard, as in `"shard-00012"`."""
     return f"shard-{number:05d}"
+
+
+def shard_numbers(folder: Path) -> list[int]:
+    """Return the numbers of the complete shards in a folder."""
+    names = [done.parent.name.removeprefix("shard-") for done in folder.glob(f"shard-*/{DONE}")]
+    return sorted(int(name) for name in names if name.isdecimal())
 
 
 def write_shard(folder: Path, number: int, rows: Sequence[Mapping[str, NDArray[Any]]], about: Mapping[str, Any]) -> int:

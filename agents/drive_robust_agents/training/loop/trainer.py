@@ -23,6 +23,7 @@ from drive_robust_agents._nets.torch_engine import TYPES
 from drive_robust_agents._nets.torch_weights import begin_with
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.loop.average import Average
+from drive_robust_agents.training.loop.interrupts import Interrupts
 from drive_robust_agents.training.loop.schedule import learning_rate, stage_at
 from drive_robust_agents.training.loop.state import States
 from pytest_drive_robust.errors import UsageError
@@ -94,6 +95,7 @@ class Trainer:
         self._states, self._save_every_s = States(run), save_every_s
         self._stages = recipe.stages if start is None else recipe.stages[-1:]
         self._stage = -1
+        self._in_step = False
         self.step = 0
         known = self._states.latest()
         if known is not None:
@@ -101,7 +103,10 @@ class Trainer:
             self.step = int(known["step"])
 
     def train(self, display: Display, *, candidates: Mapping[int, Path], stop_after: int | None = None) -> None:
-        """Go on to the end (or for `stop_after` steps), saving on the way; KeyboardInterrupt saves and goes through.
+        """Go on to the end (or for `stop_after` steps), saving on the way.
+
+        Ctrl-C and SIGTERM let the step finish, then it is saved and KeyboardInterrupt goes through. A second one breaks
+        the step off: half of it is in no state, so the last one stays.
 
         `candidates`: at which steps the mean is written out as weights, and where. Raises `UsageError` when the loss is
         no number any more; the last state is from before that.
@@ -112,18 +117,21 @@ class Trainer:
         saved = time.monotonic()
         marks = {round(self.options.steps * share / 10) for share in range(1, 11)}
         try:
-            for batch in self.feed.batches(self.step, end):
-                parts = self._advance(batch)
-                display.step(self.step, parts, self._rate())
-                if self.step in marks:
-                    self._note(display)
-                if self.step in candidates:
-                    write_weights(self.average.net, candidates[self.step], options=self.options, step=self.step)
-                if time.monotonic() - saved > self._save_every_s:
-                    self.save()
-                    saved = time.monotonic()
+            with Interrupts() as interrupts:
+                for batch in self.feed.batches(self.step, end):
+                    parts = self._advance(batch)
+                    display.step(self.step, parts, self._rate())
+                    if self.step in marks:
+                        self._note(display)
+                    if self.step in candidates:
+                        write_weights(self.average.net, candidates[self.step], options=self.options, step=self.step)
+                    interrupts.heed()
+                    if time.monotonic() - saved > self._save_every_s:
+                        self.save()
+                        saved = time.monotonic()
         except KeyboardInterrupt:
-            self.save()
+            if not self._in_step:
+                self.save()
             raise
         self.save()
 
@@ -148,6 +156,7 @@ class Trainer:
     def _advance(self, batch: Mapping[str, Tensor]) -> Mapping[str, Tensor | float]:
         """Make one step; return the parts of its loss."""
         options = self.options
+        self._in_step = True
         self._enter_stage()
         torch.manual_seed(int(draws("torch", options.seed, self.step).integers(1 << 62)))
         for group in self._optimizer.param_groups:
@@ -161,6 +170,7 @@ class Trainer:
         self._optimizer.step()
         self.average.follow(self.step)
         self.step += 1
+        self._in_step = False
         return {"loss": total.detach(), **parts}
 
     def _rate(self) -> float:

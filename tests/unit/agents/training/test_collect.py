@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from training_drives import data_seed, key_of, route_of, samples_of
 
+from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of, main
 from drive_robust_agents.training.data.expert_episode import Teacher
+from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.data.rollouts import ON_WAY
@@ -158,6 +160,16 @@ def test_more_routes_are_added_to_those_that_are_there(tmp_path: Path, monkeypat
     assert asked == [("1-301", "1-401"), ("1-501", "1-601")]  # the shard of one route was not whole
 
 
+def test_fewer_shards_than_the_folder_holds_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    collect(Collection("tcp", routes=6, shard_routes=2), tmp_path, progress=False)
+    with pytest.raises(UsageError, match=r"holds shard-00002, and the routes asked for end with shard-00001"):
+        collect(Collection("tcp", routes=4, shard_routes=2), tmp_path, progress=False)
+    assert draws_of(tmp_path)["routes"] == 6
+    assert collect(Collection("tcp", routes=5, shard_routes=2), tmp_path, progress=False).shards == 3
+    assert len(Frames(tmp_path)) == 3
+
+
 def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_write(monkeypatch)
     collect(Collection("tcp", routes=1), tmp_path, progress=False)
@@ -168,6 +180,31 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest
     (other / "letter.txt").write_text("mine")
     with pytest.raises(UsageError, match=r"is not empty and holds no collect\.json"):
         collect(Collection("tcp", routes=1), other, progress=False)
+
+
+def test_other_weights_under_the_same_path_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    monkeypatch.setattr(collect_module, "agent_of", lambda _: None)  # what these weights hold is no network
+    file, out = tmp_path / "weights" / "tcp.safetensors", tmp_path / "frames"
+    file.parent.mkdir()
+
+    def put(sha256: str, version: str) -> None:
+        write_entry(file.parent, WeightsEntry("tcp", version, file.name, sha256, 0, "TcpNet", {}, 0))
+
+    def collected() -> int:
+        return collect(Collection("tcp", routes=1, dagger=f"{file}+tuning=ours"), out, progress=False).rows
+
+    put("ab", "0.0")
+    collected()
+    put("ab", "1.0")  # published meanwhile
+    assert collected() == 1
+    put("cd", "1.0")
+    with pytest.raises(UsageError, match=r"holds other data \(dagger_weights: 'ab' there, 'cd' now\)"):
+        collected()
+    asked = json.loads((out / "collect.json").read_text())
+    del asked["dagger_weights"]  # a folder from before this was noted
+    (out / "collect.json").write_text(json.dumps(asked))
+    assert collected() == 1
 
 
 def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -175,6 +175,19 @@ def test_training_refuses_frames_of_another_world(
     assert "was collected in embedded 2, and the world is" in refused(capsys, *train)
 
 
+def test_an_interrupted_evaluation_says_how_to_go_on(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(evaluating, "drive", interrupted)
+    save_routes([fake_route("7", length_m=20.0)], tmp_path / "fake.xml")
+    routes = ["--routes", str(tmp_path / "fake.xml"), "--store", str(tmp_path / "store")]
+    assert main(["evaluate", "--agent", "tcp", "--run", str(run), *routes]) == 130
+    assert "stopped; the same command goes on" in capsys.readouterr().out
+
+
 @pytest.mark.slow
 def test_candidates_are_driven_and_the_best_is_named(run: Path, tmp_path: Path) -> None:
     save_routes([fake_route("7", length_m=20.0)], tmp_path / "fake.xml")

@@ -5,6 +5,8 @@
 from __future__ import annotations
 
 import json
+import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -98,6 +100,41 @@ def test_an_interrupt_is_saved_and_goes_through(frames: Frames, tmp_path: Path) 
             Impatient(total=12, done=0, batch=8, console=Console(quiet=True)), candidates={}
         )
     assert trainer(frames, tmp_path).step == 5
+
+
+class Struck(TcpRecipe):
+    """Signals in the middle of the sixth step."""
+
+    def __init__(self, *signals: int) -> None:
+        super().__init__()
+        self._signals, self._steps = signals, 0
+
+    def loss(self, net: Any, batch: Any) -> Any:
+        found = super().loss(net, batch)
+        self._steps += net.training
+        if self._steps == 6 and net.training:
+            for number in self._signals:
+                os.kill(os.getpid(), number)
+        return found
+
+
+@pytest.mark.parametrize(
+    ("signals", "kept"), [((signal.SIGINT,), 6), ((signal.SIGTERM,), 6), ((signal.SIGINT, signal.SIGINT), 0)]
+)
+def test_a_run_that_was_struck_within_a_step_ends_with_the_same_weights_bit_for_bit(
+    signals: tuple[int, ...], kept: int, frames: Frames, tmp_path: Path, display: Display
+) -> None:
+    whole = trainer(frames, tmp_path / "whole")
+    whole.train(display, candidates={})
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    with pytest.raises(KeyboardInterrupt):
+        trainer(frames, tmp_path / "struck", recipe=Struck(*signals)).train(display, candidates={})
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+    again = trainer(frames, tmp_path / "struck")
+    assert again.step == kept  # a second signal breaks the step off: it goes on from the state before, here none
+    again.train(display, candidates={})
+    assert bits(again.net) == bits(whole.net)
+    assert bits(again.average.net) == bits(whole.average.net)
 
 
 def test_another_seed_gives_other_weights_and_the_same_seed_the_same(
