@@ -82,6 +82,7 @@ class SimLingo(LearnedAgent):
     weights = tuple(
         SHIPPED / f"simlingo{rest}" for rest in (".safetensors", ".onnx", "_read.onnx", "_say.onnx", "_plan.onnx")
     )
+    pictures: ClassVar[Mapping[str, Any]] = {"height_px": CAMERAS[0].height_px, "width_px": CAMERAS[0].width_px}
     drops_within_m = MIN_SIMLINGO_M
     position_filter: Filtered = "published"
     configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}

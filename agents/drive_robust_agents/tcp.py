@@ -53,6 +53,9 @@ def joined(pictures: Sequence[Pixels]) -> Pixels:
     return np.concatenate([picture[..., edge : width - edge, :] for picture in pictures], axis=-2)
 
 
+_JOINED = joined([np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint8) for camera in CAMERAS])
+
+
 class Fusion:
     """Which branch leads: the control branch while the vehicle is turning, the trajectory branch otherwise.
 
@@ -94,6 +97,7 @@ class TCP(LearnedAgent):
     name = "tcp"
     architecture = "tcp:TcpNet"
     weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
+    pictures: ClassVar[Mapping[str, Any]] = {"height_px": _JOINED.shape[0], "width_px": _JOINED.shape[1]}
     configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "onnx", "dtype": "float32"}
 
     def __init__(

@@ -44,6 +44,13 @@ class BevAgent(LearnedAgent):
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "imu", "speed"})
+    pictures: ClassVar[Mapping[str, Any]] = {
+        "bev": {
+            "cameras": [camera.name for camera in CAMERAS],
+            "image_height_px": CAMERAS[0].height_px,
+            "image_width_px": CAMERAS[0].width_px,
+        }
+    }
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]]
     remembers: ClassVar[Mapping[str, tuple[int, ...]]]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 
@@ -11,12 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import ENGINES, Network, Policy
+from drive_robust_agents._nets.weights import locate
 from drive_robust_agents._planning.mkz import Pedals
 from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from drive_robust_agents._wrappers.tuning import Tuning, tuning_called
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
+from pytest_drive_robust.errors import UsageError
 
 __all__ = ["LearnedAgent", "NetworkRow"]
 
@@ -32,8 +34,9 @@ class LearnedAgent(ABC):
     """A network that drives, with all that an episode remembers.
 
     A subclass names itself as the manifest of weights does and says which class its network is (`"tcp:TcpNet"`: the
-    module in `_nets` and the class in it), which files ship with it, and within how many metres it drops a point of the
-    plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
+    module in `_nets` and the class in it), which files ship with it, what the specification of a network for its rig
+    says of the pictures (`pictures`: weights of another rig are refused), and within how many metres it drops a point
+    of the plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
 
     `tuning` says whose numbers turn the plan into controls. `"published"` are those of the released agent, made for
     CARLA's car, and what they give is what it gives. `"ours"` are found for a plain car: it gives the controls with
@@ -44,6 +47,7 @@ class LearnedAgent(ABC):
     name: ClassVar[str]
     architecture: ClassVar[str]
     weights: ClassVar[tuple[Path, ...]]
+    pictures: ClassVar[Mapping[str, Any]]
     drops_within_m: ClassVar[float] = MIN_M
     computed_by: tuple[str, ...] = ENGINES["onnx"]
 
@@ -63,6 +67,8 @@ class LearnedAgent(ABC):
     ) -> None:
         """Take `network` or, without one, make it from `engine` to `weights` with `Policy.of`."""
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
+        if network is None:
+            self._require_rig(weights)
         self._network = network or Policy.of(
             self.name,
             self.architecture,
@@ -82,8 +88,19 @@ class LearnedAgent(ABC):
         `options` are those in its name. A device is looked for where the agent is made.
         """
         tuning_called(options.get("tuning", "published"), agent=cls.name)
-        computed = {name: options[name] for name in ("engine", "dtype", "threads") if name in options}
+        computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
         Policy.check(cls.name, cls.architecture, **computed)
+        cls._require_rig(options.get("weights"))
+
+    @classmethod
+    def _require_rig(cls, weights: str | Path | None) -> None:
+        _, entry = locate(cls.name, weights)
+        other = "; ".join(_differences(cls.pictures, entry.spec))
+        if other:
+            raise UsageError(
+                f"the weights {entry.label} are for another rig than that of {cls.name!r}: {other}. Train new ones on "
+                "frames of this rig, or install the drive-robust-agents that they were made with."
+            )
 
     @abstractmethod
     def sensors(self) -> Sequence[CameraSpec]:
@@ -135,3 +152,13 @@ class LearnedAgent(ABC):
         if self._planner is None:
             raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
         return self._planner.step(x_m, y_m)
+
+
+def _differences(taken: Mapping[str, Any], spec: Mapping[str, Any], within: str = "") -> Iterator[str]:
+    """Return what a network's specification says of pictures that the cameras do not take."""
+    for name, value in taken.items():
+        given = spec.get(name, value)
+        if isinstance(value, Mapping) and isinstance(given, Mapping):
+            yield from _differences(value, given, f"{within}{name}.")
+        elif given != value:
+            yield f"{within}{name} is {given!r}, the cameras of the agent give {value!r}"

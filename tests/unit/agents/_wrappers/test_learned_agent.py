@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import inspect
+import json
 import math
+import re
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +21,7 @@ from numpy.typing import NDArray
 from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
 from drive_robust_agents._nets.inference import ENGINES, ROWS, Policy
+from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents._planning import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
@@ -68,6 +73,35 @@ def test_missing_weights_are_told_before_anything_drives(
     monkeypatch.setattr(weights, "SHIPPED", tmp_path)
     with pytest.raises(UsageError, match=f"train '{agent.name}' and publish it"):
         agent.check()
+
+
+def for_taller_pictures(agent: type[LearnedAgent], folder: Path) -> WeightsEntry:
+    """The weights that ship and their manifest, both of which say that the pictures have another height."""
+    for file in agent.weights:
+        shutil.copy(file, folder)
+    _, entry = weights.locate(agent.name)
+    path = folder / entry.file
+    text, content = json.dumps(entry.spec, sort_keys=True), path.read_bytes()
+    height = re.search(r'height_px": (96|128)', text)
+    assert height is not None
+    other = text.replace(height[0], f'height_px": {256 if height[1] == "128" else 48}')
+    old, new = (json.dumps(spec).encode() for spec in (text, other))  # the header holds it as a text
+    assert content.count(old) == 1
+    content = content.replace(old, new)
+    path.write_bytes(content)
+    entry = replace(entry, spec=json.loads(other), sha256=hashlib.sha256(content).hexdigest())
+    write_entry(folder, entry)
+    return entry
+
+
+@every_agent
+def test_weights_of_another_rig_are_refused_before_anything_drives(agent: type[LearnedAgent], tmp_path: Path) -> None:
+    entry = for_taller_pictures(agent, tmp_path)
+    told = rf"{entry.label} are for another rig than that of '{agent.name}': \S*height_px is (48|256), the cameras"
+    with pytest.raises(UsageError, match=told):
+        agent(weights=tmp_path / entry.file)
+    with pytest.raises(UsageError, match=told):
+        agent.check(weights=str(tmp_path / entry.file))
 
 
 def inputs_of(agent: type[LearnedAgent], rows: int) -> dict[str, NDArray[Any]]:
