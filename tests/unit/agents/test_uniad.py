@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 torch = pytest.importorskip("torch")
 
+from drive_robust_agents import uniad  # noqa: E402
 from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
 from drive_robust_agents._nets.inference import Policy  # noqa: E402
 from drive_robust_agents._nets.uniad import UniadNet, UniadSpec  # noqa: E402
@@ -26,6 +28,7 @@ from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Spe
 from pytest_drive_robust.domain.route import PlanPoint  # noqa: E402
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep  # noqa: E402
 
+ROOT = Path(__file__).parents[3]
 PLAN = GlobalPlan(tuple(PlanPoint(40.0 * k, 0.0, RoadOption.LANE_FOLLOW) for k in range(6)))
 CENTRES = BevSpec().centres(finer=2)
 Arrays = dict[str, NDArray[Any]]
@@ -158,3 +161,11 @@ def test_it_coasts_above_five_metres_per_second(tuning: Tuning) -> None:
     agent.reset(PLAN, 0)
     assert agent.act(seen(0, speed=3.0)).throttle > 0.0
     assert agent.act(seen(1, speed=5.1)).throttle == 0.0
+
+
+def test_what_perfect_waypoints_pass_is_what_the_benchmark_found() -> None:
+    table = (ROOT / "benchmarks" / "README.md").read_text(encoding="utf-8")
+    (found,) = re.findall(r"^\| `uniad` \|.* (\d+), DS [\d.]+ \|$", table, re.MULTILINE)
+    pages = (uniad.__doc__ or "", (ROOT / "agents" / "README.md").read_text(encoding="utf-8"))
+    told = [re.findall(r"perfect waypoints pass (\d+) by|(\d+) of 44 routes by UniAD's", page) for page in pages]
+    assert ["".join(*figure) for figure in told] == [found, found]
