@@ -42,7 +42,7 @@ from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
 
-__all__ = ["CAMERAS", "Filtered", "SimLingo", "SimLingoElapsed", "SimLingoUnfiltered"]
+__all__ = ["CAMERAS", "Filtered", "SimLingo"]
 
 Filtered = Literal["published", "elapsed", "none"]
 """How the position is filtered: see `SimLingo`."""
@@ -84,7 +84,6 @@ class SimLingo(LearnedAgent):
     )
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": CAMERAS[0].height_px, "width_px": CAMERAS[0].width_px}
     drops_within_m = MIN_SIMLINGO_M
-    position_filter: Filtered = "published"
     configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}
 
     def __init__(
@@ -93,7 +92,7 @@ class SimLingo(LearnedAgent):
         instruction: str | None = None,
         *,
         safety: bool = False,
-        position_filter: Filtered | None = None,
+        position_filter: Filtered = "published",
         tuning: Tuning = "published",
         engine: str = "onnx",
         device: str = "cpu",
@@ -102,9 +101,8 @@ class SimLingo(LearnedAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        if position_filter is not None:
-            self.position_filter = position_filter
-        _require_filter(self.position_filter)
+        _require_filter(position_filter)
+        self.position_filter = position_filter
         self.commentary, self.safety = commentary, safety
         self.instruction = None if instruction is None else parse_instruction(instruction)
         self._method = GENERATE if commentary else "forward"
@@ -116,7 +114,7 @@ class SimLingo(LearnedAgent):
     @classmethod
     def check(cls, **options: Any) -> None:
         """Raise `UsageError` for filters and sentences that it does not know, and for what `LearnedAgent` refuses."""
-        _require_filter(options.get("position_filter", cls.position_filter))
+        _require_filter(options.get("position_filter", "published"))
         if "instruction" in options:
             parse_instruction(options["instruction"])
         super().check(**options)
@@ -186,17 +184,3 @@ class SimLingo(LearnedAgent):
 def _require_filter(name: str) -> None:
     if name not in get_args(Filtered):
         raise UnknownNameError.of("position_filter of simlingo", name, get_args(Filtered))
-
-
-class SimLingoElapsed(SimLingo):
-    """`simlingo` whose position filter knows how much time went by."""
-
-    position_filter = "elapsed"
-    configuration: ClassVar[Mapping[str, str]] = {**SimLingo.configuration, "position_filter": "elapsed"}
-
-
-class SimLingoUnfiltered(SimLingo):
-    """`simlingo` that takes the GPS as it is."""
-
-    position_filter = "none"
-    configuration: ClassVar[Mapping[str, str]] = {**SimLingo.configuration, "position_filter": "none"}

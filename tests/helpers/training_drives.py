@@ -17,7 +17,7 @@ from pytest_drive_robust import GlobalPlan, RoadOption
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 
-NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0, RoadOption.STRAIGHT)
+NOWHERE = Target(0.0, 0.0, RoadOption.STRAIGHT, 0.0, 0.0)
 
 
 def key_of(scenario: str, number: int = 0) -> RouteKey:

@@ -14,10 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from drive_robust_agents._nets.words import decode, encode
-from pytest_drive_robust.errors import UnknownNameError
-
-__all__ = ["FOLLOWING", "Action", "Commentary", "Reason", "parse_commentary", "refusal"]
+__all__ = ["FOLLOWING", "Action", "Commentary", "Reason", "refusal"]
 
 FOLLOWING = "follow instruction"
 _REFUSING = "ignore instruction and"
@@ -70,14 +67,3 @@ class Commentary:
 def refusal(commentary: Commentary) -> str:
     """Return the answer to an unsafe instruction: it is ignored, and this is done instead."""
     return f"{_REFUSING} {commentary.text}"
-
-
-def parse_commentary(text: str) -> tuple[bool, Commentary]:
-    """Parse an answer: (refuses an instruction, sentence). Raises `UsageError` for a text outside the grammar."""
-    words = decode(encode(text))
-    refuses = words.startswith(_REFUSING)
-    said = words[len(_REFUSING) :].lstrip() if refuses else words
-    known = {Commentary(action, reason).text: Commentary(action, reason) for action in Action for reason in Reason}
-    if said not in known:
-        raise UnknownNameError.of("commentary", said, known)
-    return refuses, known[said]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import ENGINES, Network, Policy
-from drive_robust_agents._nets.manifest import WeightsEntry
+from drive_robust_agents._nets.weights import locate
 from drive_robust_agents._planning.mkz import Pedals
 from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
@@ -68,17 +68,16 @@ class LearnedAgent(ABC):
         """Take `network` or, without one, make it from `engine` to `weights` with `Policy.of`."""
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
         if network is None:
-            network = policy = Policy.of(
-                self.name,
-                self.architecture,
-                engine=engine,
-                device=device,
-                dtype=dtype,
-                threads=threads,
-                weights=weights,
-            )
-            self._require_rig(policy.entry)
-        self._network = network
+            self._require_rig(weights)
+        self._network = network or Policy.of(
+            self.name,
+            self.architecture,
+            engine=engine,
+            device=device,
+            dtype=dtype,
+            threads=threads,
+            weights=weights,
+        )
         self.computed_by = ENGINES[engine]
         self.reset(GlobalPlan(()), 0)
 
@@ -90,10 +89,12 @@ class LearnedAgent(ABC):
         """
         tuning_called(options.get("tuning", "published"), agent=cls.name)
         computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
-        cls._require_rig(Policy.check(cls.name, cls.architecture, **computed))
+        Policy.check(cls.name, cls.architecture, **computed)
+        cls._require_rig(options.get("weights"))
 
     @classmethod
-    def _require_rig(cls, entry: WeightsEntry) -> None:
+    def _require_rig(cls, weights: str | Path | None) -> None:
+        _, entry = locate(cls.name, weights)
         other = "; ".join(_differences(cls.pictures, entry.spec))
         if other:
             raise UsageError(

@@ -70,7 +70,7 @@ class PathController:
         throttle = min(max(self._speed.step(missing), 0.0), 1.0)
         look = min(max(tuning.look_s * speed_mps + tuning.look_m, tuning.least_look_m), tuning.most_look_m)
         steer = min(max(self._turn.step(turn_of(along(path, look))), -1.0), 1.0)
-        return Pedals(0.0 if brake else throttle, steer, 1.0 if brake else 0.0, desired, by_target=False)
+        return Pedals(0.0 if brake else throttle, steer, 1.0 if brake else 0.0)
 
 
 class Creep:

@@ -99,13 +99,11 @@ class WaypointTuning:
 
 
 class Pedals(NamedTuple):
-    """The controls of a tick, and for reports the speed that was wanted and whether the target point was aimed at."""
+    """The controls of a tick, for the car that they are made for."""
 
     throttle: float
     steer: float
     brake: float
-    desired_mps: float
-    by_target: bool
 
 
 class WaypointController:
@@ -142,7 +140,7 @@ class WaypointController:
         missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
         throttle = min(max(self._speed.step(missing), 0.0), tuning.most_throttle)
         throttle = 0.0 if brake else min(throttle, capped_throttle(tuning, speed_mps, steer))
-        return Pedals(throttle, steer, 1.0 if brake else 0.0, desired, by_target)
+        return Pedals(throttle, steer, 1.0 if brake else 0.0)
 
     def _aim(self, waypoints: Sequence[Point]) -> tuple[Point, float]:
         """Return (where to steer for, wanted speed in m/s)."""

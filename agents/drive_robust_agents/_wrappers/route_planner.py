@@ -21,14 +21,13 @@ MIN_M, MIN_SIMLINGO_M, MAX_M = 4.0, 7.5, 50.0
 
 
 class Target(NamedTuple):
-    """The next point of the plan and the one after it, metres in the route's frame, each with its command."""
+    """The next point of the plan and the one after it, metres in the route's frame; the command is that of the next."""
 
     x_m: float
     y_m: float
     command: RoadOption
     next_x_m: float
     next_y_m: float
-    next_command: RoadOption
 
     def seen_from(self, x_m: float, y_m: float, yaw_rad: float) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return ((forward, right), (forward, right)) of both points in metres, from a pose in the route's frame."""
@@ -76,7 +75,8 @@ class RoutePlanner:
                 reached, farthest = k, away
         self.dropped = min(reached, max(len(points) - 2, first))
         last = len(points) - 1
-        return Target(*points[min(self.dropped + 1, last)], *points[min(self.dropped + 2, last)])
+        next_x_m, next_y_m, _ = points[min(self.dropped + 2, last)]
+        return Target(*points[min(self.dropped + 1, last)], next_x_m, next_y_m)
 
 
 def to_ego(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from drive_robust_agents._nets.simlingo import SimLingoNet, SimLingoSpec  # noqa
 from drive_robust_agents._planning import mkz  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents._wrappers.path_controller import Creep  # noqa: E402
-from drive_robust_agents.simlingo import CAMERAS, SimLingo, SimLingoElapsed, SimLingoUnfiltered  # noqa: E402
+from drive_robust_agents.simlingo import CAMERAS, SimLingo  # noqa: E402
 from drive_robust_agents.training.data.rigs import agent_rig  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402
 from drive_robust_agents.training.loop.trainer import TrainingOptions  # noqa: E402
@@ -153,9 +153,9 @@ def test_a_speedometer_that_reads_too_low_holds_the_filtered_position_back() -> 
     assert network.asked[-1][1]["target"][0, 0, 0] > honest + 3.0
 
 
-def asked_every(ticks: int, position_filter: str | None) -> NDArray[Any]:
+def asked_every(ticks: int, **options: str) -> NDArray[Any]:
     """Return the target points, metres forward, that it saw on a straight road at 8 m/s, asked every so many ticks."""
-    driver, network = agent(position_filter=position_filter)
+    driver, network = agent(**options)
     throttle, _ = mkz.pedals(8.0, 0.0)
     for tick in range(0, 81, ticks):
         driver.act(seen(tick, speed=8.0))
@@ -164,13 +164,14 @@ def asked_every(ticks: int, position_filter: str | None) -> NDArray[Any]:
 
 
 def test_in_every_tick_the_filter_that_knows_the_time_is_the_published_one() -> None:
-    assert np.array_equal(asked_every(1, "elapsed"), asked_every(1, "published"))
-    assert np.array_equal(asked_every(1, None), asked_every(1, "published"))
+    published = asked_every(1, position_filter="published")
+    assert np.array_equal(asked_every(1, position_filter="elapsed"), published)
+    assert np.array_equal(asked_every(1), published)
 
 
 @pytest.mark.parametrize("ticks", [2, 4, 10])
 def test_asked_every_few_ticks_only_the_published_filter_loses_the_vehicle(ticks: int) -> None:
-    published, elapsed, none = (asked_every(ticks, name) for name in ("published", "elapsed", "none"))
+    published, elapsed, none = (asked_every(ticks, position_filter=name) for name in ("published", "elapsed", "none"))
     assert none[-1] == pytest.approx(40.0 - 32.0)
     assert elapsed[-1] == pytest.approx(none[-1], abs=0.5)
     assert published[-1] > none[-1] + 6.0
@@ -179,12 +180,6 @@ def test_asked_every_few_ticks_only_the_published_filter_loses_the_vehicle(ticks
 def test_an_unknown_filter_is_refused_with_the_nearest_one() -> None:
     with pytest.raises(UsageError, match=r"'elapsd'\. Did you mean 'elapsed'"):
         agent(position_filter="elapsd")
-
-
-@pytest.mark.parametrize(("variant", "name"), [(SimLingoElapsed, "elapsed"), (SimLingoUnfiltered, "none")])
-def test_a_variant_has_its_filter_and_says_so_in_what_identifies_it(variant: type[SimLingo], name: str) -> None:
-    made = variant(network=Scripted())
-    assert made.position_filter == variant.configuration["position_filter"] == name
 
 
 def test_it_creeps_after_standing_for_forty_seconds() -> None:

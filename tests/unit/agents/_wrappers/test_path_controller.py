@@ -28,7 +28,9 @@ def test_at_rest_with_nothing_wanted_it_stands() -> None:
 
 
 def test_the_wanted_speed_is_that_of_the_waypoints() -> None:
-    assert step(STRAIGHT, 7.0, 7.0).desired_mps == pytest.approx(7.0)
+    fastest_mps = PathTuning().brake_ratio * 7.0
+    assert step(STRAIGHT, 7.0, fastest_mps - 1e-6).brake == 0.0
+    assert step(STRAIGHT, 7.0, fastest_mps + 1e-6).brake == 1.0
 
 
 def test_it_accelerates_brakes_and_coasts() -> None:

@@ -93,8 +93,11 @@ def test_it_brakes_when_too_fast_and_accelerates_when_too_slow(agent: WaypointTu
 
 def test_the_wanted_speed_is_that_of_the_first_pairs_of_waypoints() -> None:
     speeding_up = [(1.0, 0.0), (2.0, 0.0), (4.0, 0.0), (9.0, 0.0)]
-    assert step(replace(tuning.VAD, speed_pairs=2), speeding_up, 0.0).desired_mps == 3.0
-    assert step(replace(tuning.VAD, speed_pairs=3), speeding_up, 0.0).desired_mps == pytest.approx(16.0 / 3.0)
+    for pairs, wanted_mps in ((2, 3.0), (3, 16.0 / 3.0)):
+        tuned = replace(tuning.VAD, speed_pairs=pairs)
+        fastest_mps = tuned.brake_ratio * wanted_mps
+        assert step(tuned, speeding_up, fastest_mps - 1e-6).brake == 0.0
+        assert step(tuned, speeding_up, fastest_mps + 1e-6).brake == 1.0
 
 
 @AGENTS
@@ -120,22 +123,16 @@ def test_published_directions_are_ours_but_behind_on_the_left(angle: float, away
 @pytest.mark.parametrize("agent", [tuning.TCP_PUBLISHED, tuning.UNIAD_PUBLISHED, tuning.VAD_PUBLISHED])
 def test_published_agents_turn_right_for_every_target_behind_them(agent: WaypointTuning) -> None:
     for side in (-2.0, 2.0):
-        pedals = step(agent, driving(4.0), 4.0, target=(-5.0, side))
-        assert pedals.by_target
-        assert pedals.steer == 1.0
+        assert step(agent, driving(4.0), 4.0, target=(-5.0, side)).steer == 1.0
     assert step(tuning.VAD, driving(4.0), 4.0, target=(-5.0, -2.0)).steer == -1.0
 
 
 def test_a_near_target_that_lies_straighter_ahead_is_preferred() -> None:
-    pedals = step(tuning.VAD, driving(6.0, bend=0.3), 6.0, target=(7.0, 0.0))
-    assert pedals.by_target
-    assert pedals.steer == 0.0
+    assert step(tuning.VAD, driving(6.0, bend=0.3), 6.0, target=(7.0, 0.0)).steer == 0.0
 
 
 def test_a_near_target_that_disagrees_with_the_end_of_the_plan_overrules_it() -> None:
-    pedals = step(tuning.VAD, driving(6.0), 6.0, target=(1.0, 7.0))
-    assert pedals.by_target
-    assert pedals.steer == 1.0
+    assert step(tuning.VAD, driving(6.0), 6.0, target=(1.0, 7.0)).steer == 1.0
 
 
 def test_an_aim_at_its_own_wheels_steers_nowhere() -> None:
@@ -167,7 +164,7 @@ def test_the_published_numbers_are_those_of_the_released_agents() -> None:
         assert (published.aim_m, published.target_turn, published.target_within_m) == (4.0, 0.3, 10.0)
         assert (published.brake_below_mps, published.brake_ratio) == (0.4, 1.1)
         assert (published.most_missing_mps, published.most_throttle) == (0.25, 0.75)
-        assert step(published, driving(4.0, bend=0.1), 4.0, target=(60.0, 0.0)).by_target  # wherever it lies
+        assert step(published, driving(4.0, bend=0.1), 4.0, target=(60.0, 0.0)).steer == 0.0  # wherever the target lies
     assert [capped_throttle(tuning.TCP_PUBLISHED, speed, steer) for speed, steer in ((1.6, 0.0), (1.2, 0.08))] == [
         0.05
     ] * 2
