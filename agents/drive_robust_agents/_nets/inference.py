@@ -119,17 +119,13 @@ class Policy:
         dtype: str = "float32",
         threads: int = 1,
         weights: str | Path | None = None,
-    ) -> WeightsEntry:
-        """Refuse at once what `of` would refuse, whatever the device: changed weights drive nothing.
-
-        Returns what the manifest says of the weights.
-        """
+    ) -> None:
+        """Refuse at once what `of` would refuse, whatever the device: changed weights drive nothing."""
         _require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
         store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
         for graph in entry.graphs.values():
             store.verified_graph(path, entry, graph)
-        return entry
 
     @property
     def label(self) -> str:
