@@ -45,7 +45,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
     expected and the nearest valid sentence; lines that say the same twice; a text without any requirement.
     """
-    says_all = known is None
+    from_registry = known is None
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
@@ -66,7 +66,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
         where = path.name if path else "the requirements"
-        raise RequirementError("\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if says_all else ""))
+        raise RequirementError("\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if from_registry else ""))
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]
