@@ -66,7 +66,9 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
         where = path.name if path else "the requirements"
-        raise RequirementError("\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if from_registry else ""))
+        raise RequirementError(
+            "\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if from_registry else "")
+        )
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]
