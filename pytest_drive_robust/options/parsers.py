@@ -116,6 +116,14 @@ def writable_folder(given: GivenText) -> Path | None:
     return path
 
 
+def start_folder(given: GivenText) -> Path:
+    """Return where a path of an option starts: on the command line where pytest was called, in a file the root."""
+    if given.source is None:
+        return Path()
+    folder: Path = given.source.invocation_params.dir if asked_for(given.flag, given.source) else given.source.rootpath
+    return folder
+
+
 def store_folder(given: GivenText) -> str:
     """Return the folder of the store, relative to the root folder, or `"off"`.
 
@@ -125,7 +133,7 @@ def store_folder(given: GivenText) -> str:
     if given.source is None or given.text == "off":
         return given.text
     asked = asked_for(given.flag, given.source)
-    folder: Path = (given.source.invocation_params.dir if asked else given.source.rootpath) / given.text
+    folder = start_folder(given) / given.text
     if folder.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a file; expected a folder, or off.")
     return str(folder) if asked else given.text

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
+from pytest_drive_robust.options.parsers import start_folder
 from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name
@@ -40,21 +41,21 @@ def _compare(given: GivenText) -> str:
 
 
 def _baselines(given: GivenText) -> Path:
-    return _home(given) / (given.text or BASELINES)
+    return start_folder(given) / given.text if given.text else _root(given) / BASELINES
 
 
 def _waivers(given: GivenText) -> Path | None:
     """Return the file that was named, which must be there, or the usual one where it is."""
     if given.text:
-        path = _home(given) / given.text
+        path = start_folder(given) / given.text
         if not path.is_file():
             raise UsageError(f"{given.flag} is {given.text!r}, but there is no file {str(path)!r}.")
         return path
-    usual = _home(given) / "suites" / "waivers.toml"
+    usual = _root(given) / "suites" / "waivers.toml"
     return usual if usual.is_file() else None
 
 
-def _home(given: GivenText) -> Path:
+def _root(given: GivenText) -> Path:
     return Path() if given.source is None else given.source.rootpath
 
 

@@ -22,6 +22,8 @@ _COMPARISON = re.compile(r"[<>=!≤≥]+|\b(?:is|below|above|at most|at least|le
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _FIELD = re.compile(r"\{(\w+)\}")
 _UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
+_JOIN = re.compile(r"\s+and\s+|\s*[+&,]\s*(?![^(]*\))")
+"""How people join failures, outside brackets."""
 _QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
 _ALIKE = 0.6
 _LONG_S = 10.0
@@ -37,7 +39,7 @@ def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], s
     metric, setting = _metric_and_setting(left)
     at_most, at_least = _AT_MOST.search(comparison), _AT_LEAST.search(comparison)
     sign = ">=" if at_least or (not at_most and metric != "RD") else "<="
-    parts = setting.split(" and ")
+    parts = _JOIN.split(setting)
     valid = [read(f"DS under {part} >= {_LIMITS['DS']}", known) is not None for part in parts]
     repaired = [
         [

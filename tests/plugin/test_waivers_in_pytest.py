@@ -71,6 +71,14 @@ def test_the_last_day_belongs_to_the_waiver(waived, monkeypatch, today, code):
     assert run(waived(RED, expires="2026-12-15")).ret == code
 
 
+def test_a_file_on_the_command_line_is_looked_for_where_pytest_is_called(waived, monkeypatch):
+    folder = waived(RED)
+    monkeypatch.chdir(folder.path / "suites")
+    (folder.path / "suites" / "waivers.toml").rename("mine.toml")
+    assert run(folder, "..", "--drive-routes=../routes.xml").ret == 1
+    assert run(folder, "..", "--drive-routes=../routes.xml", "--drive-waivers=mine.toml").ret == 0
+
+
 def test_an_id_and_a_pattern_waive_too(waived):
     assert run(waived(RED, requirement="rd-throttle-*", agent="st*")).ret == 0
 

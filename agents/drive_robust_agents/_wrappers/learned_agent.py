@@ -67,8 +67,6 @@ class LearnedAgent(ABC):
     ) -> None:
         """Take `network` or, without one, make it from `engine` to `weights` with `Policy.of`."""
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
-        if network is None:
-            self._require_rig(weights)
         self._network = network or Policy.of(
             self.name,
             self.architecture,
@@ -78,6 +76,8 @@ class LearnedAgent(ABC):
             threads=threads,
             weights=weights,
         )
+        if network is None:
+            self._require_rig(weights)
         self.computed_by = ENGINES[engine]
         self.reset(GlobalPlan(()), 0)
 
