@@ -124,6 +124,19 @@ def start_folder(given: GivenText) -> Path:
     return folder
 
 
+def route_set(given: GivenText) -> str:
+    """Return the routes as they were said; a file that the ini file names by a path from the root, by one from here."""
+    found = re.fullmatch(r"(?P<file>.+\.xml)(?P<ids>:.*)?", given.text.strip())
+    if (
+        found is None
+        or given.source is None
+        or asked_for(given.flag, given.source)
+        or Path(found["file"]).is_absolute()
+    ):
+        return given.text
+    return os.path.relpath(given.source.rootpath / found["file"]) + (found["ids"] or "")
+
+
 def store_folder(given: GivenText) -> str:
     """Return the folder of the store, relative to the root folder, or `"off"`.
 

@@ -10,6 +10,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields, was_given
 from pytest_drive_robust.options.parsers import (
     one_of,
+    route_set,
     seconds,
     seed_list,
     share,
@@ -49,7 +50,7 @@ class RunOptions:
     """
 
     agent: str = option("--drive-agent")
-    routes: str = option("--drive-routes")
+    routes: str = option("--drive-routes", parse=route_set)
     seeds: tuple[int, ...] = option("--drive-seeds", parse=seed_list)
     simulator: str = option("--drive-sim")
     reading: str = option("--drive-reading", parse=one_of(READINGS, "reading"))

@@ -119,6 +119,14 @@ def test_the_header_shows_the_effective_choices(suite):
     result.stdout.fnmatch_lines([f"drive-robust: agent=steady sim=fake {settled}"])
 
 
+def test_a_route_file_of_the_ini_file_starts_from_the_root_folder(suite, monkeypatch):
+    folder = suite(GREEN)
+    monkeypatch.chdir(folder.mkdir("below"))
+    result = run(folder, "..")
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["drive-robust: * routes=3 (../routes.xml) *"])
+
+
 @processes
 def test_collect_only_drives_nothing_and_is_green(suite, driven, workers):
     result = run(suite(GREEN), "--collect-only", "-q", *workers)
