@@ -16,7 +16,7 @@ from pytest_drive_robust.registry.registry import default_registry
 
 COMMANDS = {
     "init": "write a starter suite, its limits and a workflow into your repository",
-    "list": "what is there, and where it comes from",
+    "list": "agents, failures, simulators, metrics and sets of routes, and where each comes from",
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "the runs that --drive-save stored",
     "compare": "is run B worse than run A? Exit code 1 when it is",
@@ -29,7 +29,7 @@ COMMANDS = {
     "doctor": "what is missing for --drive-sim bench2drive?",
     "check-agent": "does an agent keep the contract?",
     "replay": "drive one route again and film it",
-    "warm": "compile everything now, for images and CI caches",
+    "warm": "compile everything now, for container images and CI caches",
     "store": "the finished episodes that runs keep for later ones",
 }
 """Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets

@@ -26,7 +26,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verify = what.add_parser("verify", help="read every record to its last byte. Exit code 1 when one is damaged")
     verify.add_argument("--fix", action="store_true", help="move damaged records to aside/: they are driven again")
     verify.set_defaults(command=_verify)
-    gc = what.add_parser("gc", help="remove what no run will read, and what you name")
+    gc = what.add_parser(
+        "gc", help="remove damaged records, leftovers of writers that died, and the episodes that you name"
+    )
     gc.add_argument("--older-than", metavar="TIME", help="also every record written longer ago, as in 30d or 12h")
     gc.add_argument(
         "--agent",

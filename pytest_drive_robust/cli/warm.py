@@ -1,4 +1,4 @@
-"""`drive-robust warm`: compile everything now, for images and CI caches."""
+"""`drive-robust warm`: compile everything now, for container images and CI caches."""
 
 from __future__ import annotations
 

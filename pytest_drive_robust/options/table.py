@@ -130,7 +130,7 @@ _REGRESSION = (
         "REF",
         "",
         "judge every setting against a stored run, a JSON file, latest or baseline; "
-        "alone: what was blessed, else the latest run; drives all routes",
+        "alone: the blessed baseline, else the latest run; drives all routes",
         bare="auto",
     ),
     Option("--drive-fail-on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%"),

@@ -90,7 +90,7 @@ class Bracket:
 
     @property
     def sentence(self) -> str:
-        """`"holds at 140 ms, breaks at 160 ms"`."""
+        """`"holds at 150 ms, breaks at 200 ms"`."""
         label = self.ladder.label
         mildest, worst = self.ladder.levels[0], self.ladder.levels[-1]
         parts = [f"holds at {label(self.holds)}"] if self.holds is not None else []
