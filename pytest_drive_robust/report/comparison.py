@@ -10,7 +10,7 @@ from pytest_drive_robust.regression.comparison_result import CellComparison, Com
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.regression.verdicts import Rise
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import counted, shown
+from pytest_drive_robust.report.numbers import beside, counted, shown
 from pytest_drive_robust.report.page import Page, cut
 
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
@@ -137,8 +137,11 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
         return f"error: {finding.problem}"
     before, after = (getattr(numbers, allowance.metric.lower()) for numbers in (cell.before, cell.after))
     change = f"{shown(allowance.metric, before)} -> {shown(allowance.metric, after)}"
-    if allowance.relative and before > 0.0:
-        change += f" ({100.0 * (after / before - 1.0):+.1f} %)"
+    worst = allowance.amount if allowance.metric == "RD" else -allowance.amount
+    if not allowance.relative:
+        change += f" ({beside(after - before, worst, sign='+')})"
+    elif before > 0.0:
+        change += f" ({beside(100.0 * (after / before - 1.0), 100.0 * worst, decimals=1, sign='+')} %)"
     words = {"fail": "broken", "inconclusive": "neither shown nor ruled out"}
     return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(finding.routes, 'route')}"
 

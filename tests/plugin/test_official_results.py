@@ -199,3 +199,13 @@ def test_repetitions_that_one_setting_lacks_are_named(results, pytester):
     assert "route 1 has no repetition 1, only 0" in text
     assert "--drive-seeds 0" in text
     results(BOTH, "--drive-seeds", "0").assert_outcomes(passed=2, failed=1)
+
+
+def test_a_failure_does_not_round_value_and_limit_into_agreement(results, pytester):
+    whole = {str(number): 100.0 for number in range(4)}
+    write_results(pytester.path / "clean.json", whole)
+    write_results(pytester.path / "late.json", dict.fromkeys(whole, 69.97))
+    pytester.makepyfile(test_suite=SUITE.replace("<= 0.60", "<= 0.30").replace("RD under 200 ms latency <= 0.10", ""))
+    result = results(BOTH)
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["RD under 200 ms latency = 0.3003, limit <= 0.30 *"])

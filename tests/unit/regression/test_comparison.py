@@ -160,7 +160,7 @@ def test_an_rd_that_rises_because_only_clean_scores_do_is_no_list() -> None:
     assert (found.verdict, found.changed, found.findings[0].changed) == ("inconclusive", 0, 4)
     text = comparison_text(comparison, colour=False)
     assert "driver under 200 ms latency: 0 of 40 routes changed, 4 with their clean scores" in text
-    assert "neither shown nor ruled out: RD rises by 0.04 at most; 0.28 -> 0.34 on 40 routes" in text
+    assert "neither shown nor ruled out: RD rises by 0.04 at most; 0.28 -> 0.34 (+0.06) on 40 routes" in text
 
 
 def test_an_rd_whose_clean_scores_are_of_other_seeds_is_evidence() -> None:

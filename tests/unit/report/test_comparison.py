@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from snapshot_factory import PRINT, cell, snapshot, with_versions
 
+from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.snapshot import Snapshot
@@ -29,6 +30,14 @@ def test_an_open_verdict_on_changed_scores_says_what_was_seen() -> None:
     text = comparison_text(compare(before, after), colour=False)
     assert "driver under clean: 1 of 2 routes changed" in text
     assert "neither shown nor ruled out: DS drops by 5 % at most; 75.00 -> 65.00 (-13.3 %) on 2 routes" in text
+
+
+def test_a_drop_is_not_rounded_to_what_is_allowed() -> None:
+    before, after = snapshot(cell([80.0] * 40)), snapshot(cell([75.99] * 40))
+    allowed = Terms(parse_allowances(["ds:-5%", "ds:-4.005"], source="--fail-on"), kind="point")
+    text = comparison_text(compare(before, after, allowed), colour=False)
+    assert "broken: DS drops by 5 % at most; 80.00 -> 75.99 (-5.01 %) on 40 routes" in text
+    assert "broken: DS drops by 4.005 at most; 80.00 -> 75.99 (-4.01) on 40 routes" in text
 
 
 @given(
