@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import cast
 
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.regression.references import home_of
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
@@ -27,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = _DESCRIPTION
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("--against", metavar="BASE", help="compare with: a run, or baseline or baseline:AGENT")
+    add_pytest_option(parser, "--on-mismatch")
     parser.add_argument("--out", metavar="DIR", default="drive-report", help="a folder; default: drive-report")
     parser.add_argument("--store", metavar="FOLDER", help="where the episodes are; default: .drive-robust")
     parser.add_argument("--films", metavar="FOLDER", help="the videos that drive-robust replay wrote there")
@@ -44,7 +49,8 @@ def _report(options: argparse.Namespace) -> int:
         after = snapshot_of(records.document, label=records.label)
         references = references_of(options)
         snapshot = references.load(options.against, simulator=after.simulator)
-        comparison = compare(snapshot, after, Terms())
+        policy = cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch)))
+        comparison = compare(snapshot, after, Terms(policy=policy))
         other = references.document(options.against)
         if other is not None:
             find = stored_episodes(store or home_of(Path.cwd()) / DEFAULT_STORE)

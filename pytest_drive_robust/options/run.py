@@ -45,7 +45,8 @@ class RunOptions:
     finished episodes, relative to the root folder, or `"off"`; with `fresh` what other runs left there is not used.
     `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
     the default reading, and must not contradict one that was asked for.
-    `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own.
+    `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own. `seeds_given`
+    tells the same of `seeds`: where nobody did, results are judged over all repetitions that they hold.
     `plugins` register names of their own, in the words that `drive-robust -p` takes.
     """
 
@@ -69,6 +70,7 @@ class RunOptions:
     plan: bool = option("--drive-plan")
     probe: bool = option("--drive-probe")
     routes_given: bool = field(default=False, compare=False)
+    seeds_given: bool = field(default=False, compare=False)
     reading_given: bool = field(default=False, compare=False)
     plugins: tuple[str, ...] = field(default=(), compare=False)
 
@@ -78,6 +80,7 @@ class RunOptions:
         options = cls(
             **read_fields(cls, config),
             routes_given=was_given(OPTIONS["--drive-routes"], config),
+            seeds_given=was_given(OPTIONS["--drive-seeds"], config),
             reading_given=was_given(OPTIONS["--drive-reading"], config),
         )
         paths = [path for path in (options.json_path, options.csv_path, options.report_path) if path is not None]

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -26,18 +27,26 @@ from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
+if TYPE_CHECKING:  # few sessions judge results
+    from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
+
+_RESULTS = pytest.StashKey["ResultsExecutor"]()
+
 
 def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
     """Return the options of a run where somebody else drives or has driven: nothing is kept in our store.
 
-    The evaluator keeps its own records and ends episodes by rules of its own. Raises `UsageError` for options that do
+    The evaluator keeps its own records and ends episodes by rules of its own. Results are read here: where nobody gave
+    seeds their repetitions are the seeds, in the header of every process too. Raises `UsageError` for options that do
     not go together.
     """
     if execution.results:
         if options.simulator == BENCH2DRIVE:
             raise UsageError("--drive-results judges what was driven before: leave --drive-sim bench2drive out.")
         agent = config.getoption("drive_agent") or config.getini("drive_agent") or RESULTS
-        return replace(options, agent=agent, simulator=RESULTS, store="off")
+        results = _read_results(config, options, execution)
+        seeds = options.seeds if options.seeds_given else results.repetitions
+        return replace(options, agent=agent, simulator=RESULTS, store="off", seeds=seeds)
     if options.simulator != BENCH2DRIVE:
         return options
     if not execution.b2d_root:
@@ -51,6 +60,15 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
         )
     _refuse_unheeded(config, options, execution)
     return replace(options, store="off", stuck_stop_s=None)
+
+
+def _read_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> ResultsExecutor:
+    """Read what `--drive-results` names, once in each process. Raises `UsageError`."""
+    from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
+
+    known = default_registry().perturbations()
+    results = config.stash[_RESULTS] = ResultsExecutor.read(execution.results, known, options.asked_reading)
+    return results
 
 
 def _refuse_unheeded(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> None:
@@ -90,13 +108,11 @@ def backend_for(
     """
     registry = default_registry()
     if options.is_external:
-        from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes
+        from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes, ResultsScopes
 
         if options.simulator == RESULTS:
-            from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
-
-            results = ResultsExecutor.read(execution.results, registry.perturbations(), options.asked_reading)
-            return ExternalScopes(options, registry, resolve_routes, results), results
+            results = config.stash[_RESULTS]
+            return ResultsScopes(options, registry, resolve_routes, results), results
         check_platform(f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results=FOLDER.")
         from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout

@@ -29,6 +29,7 @@ class CollectionPlugin:
         self.requests: dict[str, EpisodeRequest] = {}
         self.verdict_plans: list[VerdictPlan] = []
         self._advice: dict[tuple[int, float, float], str] = {}  # by number of routes, margin and alpha
+        self._advice_on_scopes: list[str] = []
         self._scopes: dict[tuple[str, str], Scope] = {}
         self._judged_by_evidence = 0
 
@@ -48,14 +49,22 @@ class CollectionPlugin:
             config.stash[DRIVE_CONTEXT] = context
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
-        if is_worker(config) and self._advice:
-            context.campaign.observer(Advised(tuple(self._advice.values())))  # the controller shows it
+        self._advice_on_scopes = context.scopes.advice()
+        if is_worker(config) and self._advised:
+            context.campaign.observer(Advised(self._advised))  # the controller shows it
         note_problem(config, "", lambda: self._identify(context))
         gc.freeze()  # what is loaded by now stays: pytest collects garbage twice at its end, and need not look at it
 
     def pytest_report_collectionfinish(self) -> list[str]:
-        """Return what so many routes cannot show: a sentence about the first metric, because all resolve alike."""
-        return [f"drive-robust: {text}" for text in self._advice.values()]
+        """Return what so many routes cannot show: a sentence about the first metric, because all resolve alike.
+
+        Before it, what is there and is not judged.
+        """
+        return [f"drive-robust: {text}" for text in self._advised]
+
+    @property
+    def _advised(self) -> tuple[str, ...]:
+        return (*self._advice_on_scopes, *self._advice.values())
 
     def _identify(self, context: DriveContext) -> None:
         """Tell the record what agents and routes are made of."""

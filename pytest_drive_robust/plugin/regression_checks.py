@@ -28,6 +28,7 @@ class RegressionChecks:
     def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
         self._regression = regression
         self._waivers = waivers
+        self._open_fails = options.inconclusive == "fail"
         self._references = References(regression.home, regression.baselines)
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy)
         self._before = self._load(options.simulator) if regression.compare else None
@@ -39,7 +40,7 @@ class RegressionChecks:
 
     def finish(self, run: RunResult, *, whole: bool) -> bool:
         """Store, compare, review. True when the run must not be green; `whole`: every test was selected and ran."""
-        self._lines += self._waivers.review(run.judged, whole=whole)
+        self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
         red = any(not self._waived(judged) for judged in run.late)  # their tests were over before they failed

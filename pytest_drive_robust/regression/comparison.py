@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from statistics import fmean
 
 from pytest_drive_robust.errors import UsageError
@@ -10,61 +10,39 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
+from pytest_drive_robust.regression.shared_routes import Pair, Shared, pairs_of
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
-from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
-from pytest_drive_robust.stats.judges import VerdictKind
-
-Pair = tuple[RouteScore, RouteScore]
 
 
 def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Comparison:
     """Judge `after` against `before`, setting by setting, on the routes that both hold.
 
-    Agents are matched by name; where each run has one agent and the names differ, these two are compared.
+    Agents are matched by name; where each run has one agent and the names differ, these two are compared. Routes of
+    `before` that `after` lacks are a mismatch: what they would have shown is not known. A setting that it lacks is a
+    note: people select tests.
 
     Raises `UsageError` when the two have no agent, setting and route in common.
     """
     terms = terms or Terms()
-    renamed = _renamed(before, after)
-    cells, found, notes, unscored = [], list[Mismatch](), list[str](), list[str]()
-    if renamed:
-        notes.append(f"{' and '.join(renamed.values())} is compared with {' and '.join(renamed)}")
-    for (agent, setting), new in after.cells.items():
-        old = before.cells.get((renamed.get(agent, agent), setting))
-        if old is not None and new.broken and not new.routes:
-            unscored.append(f"{agent} under {setting}: {_not_scored(new)}")
-            continue
-        if old is None or not _pairs(old, new):
-            what = "" if old is None else " on the same routes"
-            notes.append(f"not in {before.label}{what}: {agent} under {setting}")
-            continue
-        cells.append(_compared(before, after, (old, new), terms))
-        found += _cell_mismatches(old, new)
-    driven = {(renamed.get(agent, agent), setting) for agent, setting in after.cells}
-    notes += [f"not in {after.label}: {agent} under {setting}" for agent, setting in before.cells.keys() - driven]
-    if not cells:
+    shared = Shared.of(before, after)
+    if not shared.compared:
         raise UsageError(_nothing_in_common(before, after))
-    notes += _about_rules(cells)
+    cells = tuple(_compared(before, after, cells, terms) for cells in shared.compared)
+    found = [*shared.mismatches, *(item for cells in shared.compared for item in _cell_mismatches(*cells))]
     first = next(score for cell in after.cells.values() for score in cell.routes.values())
     return Comparison(
         before=before,
         after=after,
         terms=terms,
-        cells=tuple(cells),
+        cells=cells,
         mismatches=tuple(dict.fromkeys(found)),
         fingerprint=first.fingerprint,
-        notes=tuple(sorted(notes)),
-        unscored=tuple(unscored),
+        notes=tuple(sorted((*shared.notes, *shared.lacking, *_about_rules(cells)))),
+        unscored=tuple(f"{cell.agent} under {cell.setting}: {_not_scored(cell)}" for cell in shared.unscored),
+        elsewhere=len(shared.lacking),
     )
-
-
-def _renamed(before: Snapshot, after: Snapshot) -> Mapping[str, str]:
-    """Map the new name to the old one, where each run has one agent and they differ."""
-    if len(before.agents) == len(after.agents) == 1 and before.agents != after.agents:
-        return {after.agents[0]: before.agents[0]}
-    return {}
 
 
 def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
@@ -81,10 +59,11 @@ def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
 
 def _about_rules(cells: Sequence[CellComparison]) -> Iterable[str]:
     """Say what few routes mean."""
-    lists = sorted({cell.routes for cell in cells if cell.rule == "list" and cell.changed})
+    judged = [finding for cell in cells for finding in cell.findings]
+    lists = sorted({item.routes for item in judged if item.rule == "list" and item.changed})
     if lists:
         yield f"verdicts on {_listed(lists)} routes by the rule list: they speak of exactly these routes and seeds"
-    few = sorted({cell.routes for cell in cells if cell.rule == "evidence" and cell.routes < FEWEST_FOR_T})
+    few = sorted({item.routes for item in judged if item.rule == "evidence" and item.routes < FEWEST_FOR_T})
     if few:
         seeds = "" if all(cell.same_seeds for cell in cells) else " with other seeds"
         yield f"{_listed(few)} routes{seeds} show little: drive {FEWEST_FOR_T} or more, or the same routes and seeds"
@@ -103,21 +82,14 @@ def _not_scored(cell: Cell) -> str:
     return f"not scored: {cell.broken[0]}{more}"
 
 
-def _pairs(old: Cell, new: Cell) -> list[Pair]:
-    """Return the routes that both hold, in the planned order of the setting."""
-    common = [route for route in new.routes if route in old.routes]
-    types = [new.routes[route].scenario for route in common]
-    order = planned_order(common, types, f"{new.agent} {new.setting}")
-    return [(old.routes[route], new.routes[route]) for route in order]
-
-
 def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms: Terms) -> CellComparison:
     old, new = cells
-    pairs = _pairs(old, new)
-    quartets = _quartets(before, after, cells, pairs)
-    same_seeds = all(was.seeds == now.seeds for was, now in pairs)
-    changed = sum(was.ds != now.ds for was, now in pairs)
-    kind = kind_for(terms.kind, len(pairs), same_seeds=same_seeds, changed=changed)
+    pairs = pairs_of(old, new)
+    clean_pairs = _clean_pairs(before, after, cells, pairs)
+    quartets = tuple(
+        Quartet(now.route_id, clean_was.ds, was.ds, clean_now.ds, now.ds)
+        for (was, now), (clean_was, clean_now) in clean_pairs
+    )
     return CellComparison(
         agent=new.agent,
         agent_before=old.agent,
@@ -127,13 +99,19 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
         after=_numbers([pair[1] for pair in pairs], [(item.clean_after, item.after) for item in quartets]),
         routes=len(pairs),
         missing=len(old.routes) - len(pairs),
-        changed=changed,
+        added=len(new.routes) - len(pairs),
+        changed=sum(was.ds != now.ds or was.sr != now.sr for was, now in pairs),
         quartets=() if old.broken or new.broken else quartets,
-        findings=tuple(_findings(new, pairs, quartets, terms.allowances, kind)),
+        findings=tuple(
+            _finding(new, allowance, terms.kind, pairs, clean_pairs, quartets) for allowance in terms.allowances
+        ),
         flips=_flips(pairs),
-        rule=kind,
-        same_seeds=same_seeds,
+        same_seeds=_same_seeds(pairs),
     )
+
+
+def _same_seeds(pairs: Iterable[Pair]) -> bool:
+    return all(was.seeds == now.seeds for was, now in pairs)
 
 
 def _numbers(scores: Sequence[RouteScore], clean_and_perturbed: Sequence[tuple[float, float]]) -> Numbers:
@@ -142,42 +120,56 @@ def _numbers(scores: Sequence[RouteScore], clean_and_perturbed: Sequence[tuple[f
     return Numbers(fmean(score.ds for score in scores), fmean(score.sr for score in scores), rd)
 
 
-def _quartets(
+def _clean_pairs(
     before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], pairs: Sequence[Pair]
-) -> tuple[Quartet, ...]:
-    """Return the routes that have clean scores in both runs too; none for a clean setting."""
+) -> list[tuple[Pair, Pair]]:
+    """Return each pair with the clean scores of its route, where both runs have them; none for a clean setting."""
     old, new = cells
     sentence = _clean_sentence(new.setting)
     clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
     if sentence == new.setting or clean_old is None or clean_new is None:
-        return ()
-    return tuple(
-        Quartet(route, clean_old.routes[route].ds, was.ds, clean_new.routes[route].ds, now.ds)
+        return []
+    return [
+        ((was, now), (clean_old.routes[route], clean_new.routes[route]))
         for was, now in pairs
         if (route := now.route_id) in clean_old.routes and route in clean_new.routes
-    )
+    ]
 
 
-def _findings(
-    new: Cell, pairs: Sequence[Pair], quartets: Sequence[Quartet], allowances: Sequence[Allowance], kind: VerdictKind
-) -> Iterable[Finding]:
-    for allowance in allowances:
-        if new.broken:
-            yield Finding(allowance, "error", _not_scored(new))
-        elif allowance.metric == "RD":
-            yield _rise(new, quartets, allowance, kind)
-        else:
-            ds = allowance.metric == "DS"
-            scores = [(was.ds, now.ds) if ds else (was.sr, now.sr) for was, now in pairs]
-            yield Finding(allowance, judge_drop(scores, allowance, kind=kind))
+def _finding(
+    new: Cell,
+    allowance: Allowance,
+    kind: str,
+    pairs: Sequence[Pair],
+    clean_pairs: Sequence[tuple[Pair, Pair]],
+    quartets: Sequence[Quartet],
+) -> Finding:
+    """Return the verdict on one allowance, by the rule for the scores that it reads."""
+    if new.broken:
+        return Finding(allowance, "error", problem=_not_scored(new))
+    if allowance.metric == "RD":
+        return _rise(new, allowance, kind, clean_pairs, quartets)
+    scores = [(was.ds, now.ds) if allowance.metric == "DS" else (was.sr, now.sr) for was, now in pairs]
+    changed = sum(was != now for was, now in scores)
+    rule = kind_for(kind, len(scores), same_seeds=_same_seeds(pairs), changed=changed)
+    return Finding(allowance, judge_drop(scores, allowance, kind=rule), rule, len(scores), changed)
 
 
-def _rise(new: Cell, quartets: Sequence[Quartet], allowance: Allowance, kind: VerdictKind) -> Finding:
-    if quartets:
-        return Finding(allowance, judge_rise(quartets, allowance, kind=kind))
-    if _clean_sentence(new.setting) == new.setting:
-        return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
-    return Finding(allowance, "error", "RD needs clean episodes of the same routes in both runs")
+def _rise(
+    new: Cell,
+    allowance: Allowance,
+    kind: str,
+    clean_pairs: Sequence[tuple[Pair, Pair]],
+    quartets: Sequence[Quartet],
+) -> Finding:
+    if not quartets:
+        if _clean_sentence(new.setting) == new.setting:
+            return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
+        return Finding(allowance, "error", problem="RD needs clean episodes of the same routes in both runs")
+    changed = sum(item.clean_before != item.clean_after or item.before != item.after for item in quartets)
+    same_seeds = _same_seeds(pair for both in clean_pairs for pair in both)
+    rule = kind_for(kind, len(quartets), same_seeds=same_seeds, changed=changed)
+    return Finding(allowance, judge_rise(quartets, allowance, kind=rule), rule, len(quartets), changed)
 
 
 def _clean_sentence(setting: str) -> str:

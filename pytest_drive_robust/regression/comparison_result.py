@@ -44,10 +44,17 @@ class Flip:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`."""
+    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`.
+
+    `rule` is what judged it, by the scores of `routes`, of which those of `changed` are others than before: an RD reads
+    the clean scores, too. Empty and 0 where nothing judged it.
+    """
 
     allowance: Allowance
     verdict: str
+    rule: str = ""
+    routes: int = 0
+    changed: int = 0
     problem: str = ""
 
 
@@ -55,9 +62,9 @@ class Finding:
 class CellComparison:
     """One agent under one setting in both runs. `agent` is its name in the new run, `agent_before` in the old one.
 
-    `routes` are in both runs, `missing` only in the old one; `changed` of the former have another score. `quartets` are
-    those with clean scores in both, none where some route was not scored. `rule` is what judged them, `same_seeds` says
-    whether both runs drove them with the same seeds.
+    `routes` are in both runs, `missing` only in the old one, `added` only in the new one; `changed` of the first have
+    another score under this setting. `quartets` are those with clean scores in both, none where some route was not
+    scored. `same_seeds` says whether both runs drove them with the same seeds.
     """
 
     agent: str
@@ -68,12 +75,17 @@ class CellComparison:
     after: Numbers
     routes: int
     missing: int
+    added: int
     changed: int
     quartets: tuple[Quartet, ...]
     findings: tuple[Finding, ...]
     flips: tuple[Flip, ...]
-    rule: str
     same_seeds: bool
+
+    @property
+    def all_routes(self) -> int:
+        """How many routes either run holds."""
+        return self.routes + self.missing + self.added
 
     @property
     def verdict(self) -> str:
@@ -96,7 +108,8 @@ class CellComparison:
 class Comparison:
     """All of it. `fingerprint` is that of the new run's first agent, for replay commands.
 
-    `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none.
+    `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none. `elsewhere`
+    counts the settings that one of the runs holds and the other one lacks.
     """
 
     before: Snapshot
@@ -107,6 +120,7 @@ class Comparison:
     fingerprint: Fingerprint
     notes: tuple[str, ...] = ()
     unscored: tuple[str, ...] = ()
+    elsewhere: int = 0
 
     @property
     def refusals(self) -> tuple[Mismatch, ...]:

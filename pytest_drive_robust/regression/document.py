@@ -59,10 +59,14 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
     specs: dict[CellKey, str] = {}
     undriven: Counter[CellKey] = Counter()
+    stopped: dict[CellKey, list[str]] = {}
     for row in document["summaries"]:
         found.setdefault((row["agent"], row["setting"]), {})
         specs.setdefault((row["agent"], row["setting"]), row["routes_spec"])
         undriven[row["agent"], row["setting"]] += row.get("episodes_needed", 0) - row.get("episodes_finished", 0)
+        if _stopped_early(row):
+            told_of = f"{row['routes']} of {row['routes_planned']} routes of {row['routes_spec']}"
+            stopped.setdefault((row["agent"], row["setting"]), []).append(told_of)
     for episode in document["episodes"]:
         of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
         if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
@@ -91,9 +95,15 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
         told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
         if undriven.get(key):
             told += (f"{undriven[key]} episodes were not driven, as the run ended before",)
-        cells[key] = Cell(*key, specs.get(key, ""), scores, told)
+        cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     return Snapshot(label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")
+
+
+def _stopped_early(row: Mapping[str, Any]) -> bool:
+    """Return whether verdicts did without some of the routes. Runs that were saved before this was told do not say."""
+    planned: int = row.get("routes_planned", 0) * len(row.get("seeds", ()))
+    return bool(planned > row.get("episodes_needed", planned))
 
 
 def _fingerprint(document: Mapping[str, Any], agent: str) -> Fingerprint:

@@ -3,8 +3,9 @@
 =========== =============================================================== ==========
 kind        what differs                                                    by default
 =========== =============================================================== ==========
-simulator   its name, version, when it stops a stuck episode                     refuse
-routes      the content of a route that both call by the same id            refuse
+simulator   its name, version, when it stops a stuck episode                refuse
+routes      the content of a route that both call by the same id; routes    refuse
+            that only the old run drove, or that a verdict did without
 versions    libraries that decide the numbers, Python, the machine's bits   warn
 agent       its distribution, source or weights: that is what is compared   tell
 =========== =============================================================== ==========
@@ -61,10 +62,11 @@ class Fingerprint:
 
 @dataclass(frozen=True, slots=True)
 class Mismatch:
-    """One difference, as a sentence without a full stop."""
+    """One difference, as a sentence without a full stop; `advice` says how two runs have it not."""
 
     kind: Kind
     text: str
+    advice: str = "Drive both runs with the same"
 
     def refuses(self, policy: MismatchPolicy) -> bool:
         """Tell whether the comparison must not be made. A changed agent is what one compares, so it never refuses."""

@@ -66,13 +66,18 @@ class RouteScore:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One agent under one setting. `broken` tells of each episode that the simulator broke: it has no score."""
+    """One agent under one setting. `broken` tells of each episode that the simulator broke: it has no score.
+
+    `stopped` tells of each set of routes of which verdicts did without some: `"3 of 10 routes of dev10"`. What was
+    driven until a verdict was in says nothing about two runs.
+    """
 
     agent: str
     setting: str
     routes_spec: str
     routes: Mapping[str, RouteScore]
     broken: tuple[str, ...] = ()
+    stopped: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ TOML, because a waiver is written and read by people and wants comments.
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from datetime import date, datetime
@@ -82,27 +83,32 @@ class Waivers:
         """Return True up to and on the day on which it expires."""
         return clock.today() <= waiver.expires
 
-    def review(self, judged: Sequence[Judged], *, whole: bool) -> list[str]:
+    def review(self, judged: Sequence[Judged], *, whole: bool, open_fails: bool = False) -> list[str]:
         """Return what people should know at the end: a line for each waiver, in the order of the file.
 
         `whole` says that every test was selected and ran: only then a waiver that matches nothing is a mistake.
+        `open_fails` says that an inconclusive verdict fails its test.
         """
-        return [line for waiver in self._waivers if (line := self._line(waiver, judged, whole=whole))]
+        lines = (self._line(waiver, judged, whole=whole, open_fails=open_fails) for waiver in self._waivers)
+        return [line for line in lines if line]
 
-    def _line(self, waiver: Waiver, judged: Sequence[Judged], *, whole: bool) -> str:
+    def _line(self, waiver: Waiver, judged: Sequence[Judged], *, whole: bool, open_fails: bool) -> str:
         covered = [item for item in judged if waiver.covers(item.requirement, item.nodeid, agent=item.agent)]
         if not covered:
             meant = any(_matches(waiver.agent, item.agent) for item in judged)
             return f"warning: this waiver matches no requirement: {waiver}" if whole and meant else ""
-        failing = [item for item in covered if item.verdict not in ("pass", "error")]
+        verdicts = Counter(item.verdict for item in covered)
+        failing = verdicts["fail"] + (verdicts["inconclusive"] if open_fails else 0)
+        inconclusive = 0 if open_fails else verdicts["inconclusive"]
+        counts = f"{failing} failing" if failing else "nothing fails"
+        counts += f", {inconclusive} inconclusive" if inconclusive else ""
         if not self.holds(waiver):
-            what = f"{len(failing)} failing" if failing else "nothing fails, remove it"
-            return f"waiver expired, {what}: {waiver}"
+            return f"waiver expired, {counts}{'' if failing else ', remove it'}: {waiver}"
         if failing:
-            return f"waived, {len(failing)} failing: {waiver}"
-        if any(item.verdict == "pass" for item in covered):
-            return f"waiver not needed any more, all of it passes: {waiver}"
-        return ""
+            return f"waived, {counts}: {waiver}"
+        if inconclusive:
+            return f"waiver not used, {counts}: {waiver}"
+        return f"waiver not needed any more, all of it passes: {waiver}" if verdicts["pass"] else ""
 
 
 def read_waivers(path: Path) -> tuple[Waiver, ...]:

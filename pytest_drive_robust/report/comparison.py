@@ -10,7 +10,7 @@ from pytest_drive_robust.regression.comparison_result import CellComparison, Com
 from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.regression.verdicts import Rise
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import counted, shown
+from pytest_drive_robust.report.numbers import beside, counted, shown
 from pytest_drive_robust.report.page import Page, cut
 
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
@@ -38,8 +38,8 @@ def conclusion(comparison: Comparison) -> str:
     label = comparison.before.label
     if comparison.refusals:
         return (
-            f"NOT COMPARED with {label}: {comparison.refusals[0].text}. "
-            "Drive both runs with the same, or give --on-mismatch=warn (in pytest --drive-on-mismatch=warn)."
+            f"NOT COMPARED with {label}: {comparison.refusals[0].text}. {comparison.refusals[0].advice}, or give "
+            "--on-mismatch=warn (in pytest --drive-on-mismatch=warn)."
         )
     unsure = sum(cell.verdict == "inconclusive" for cell in comparison.cells)
     count = counted(len(comparison.cells) + len(comparison.unscored), "setting")
@@ -47,9 +47,29 @@ def conclusion(comparison: Comparison) -> str:
         worse = [*(f"{cell.agent} under {cell.setting}" for cell in comparison.regressions), *comparison.unscored]
         more = f" and {len(worse) - 1} more" if len(worse) > 1 else ""
         return f"REGRESSION: {len(worse)} of {count} against {label}: {worse[0]}{more}"
+    part = _part(comparison)
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
+        if part:
+            return f"no regression {part} against {label}: not one score changed"
         return f"no regression: not one score changed in {count} against {label}"
-    return f"no regression shown in {count} against {label}" + (f", {unsure} inconclusive" if unsure else "")
+    return f"no regression shown {part or f'in {count}'} against {label}" + (
+        f", {unsure} inconclusive" if unsure else ""
+    )
+
+
+def _part(comparison: Comparison) -> str:
+    """Return `"on 5 of 30 routes in 2 of 3 settings"`; empty where all was compared that either run holds."""
+    cells = comparison.cells
+    settings = counted(len(cells) + comparison.elsewhere, "setting")
+    if comparison.elsewhere:
+        settings = f"{len(cells)} of {settings}"
+    shares = {(cell.routes, cell.all_routes) for cell in cells}
+    compared, held = (sum(share) for share in zip(*((cell.routes, cell.all_routes) for cell in cells), strict=True))
+    if compared == held:
+        return f"in {settings}" if comparison.elsewhere else ""
+    if len(shares) == 1:
+        return "on {} of {} routes".format(*shares.pop()) + f" in {settings}"
+    return f"on {compared} of {counted(held, 'score')} in {settings}"
 
 
 def _fingerprint_lines(comparison: Comparison) -> Iterator[str]:
@@ -71,7 +91,7 @@ def _row(cell: CellComparison) -> tuple[str, ...]:
         f"{cell.before.ds:.1f} -> {cell.after.ds:.1f}",
         f"{shown('SR', cell.before.sr)} -> {shown('SR', cell.after.sr)}",
         "-" if cell.after.rd is None else f"{shown('RD', cell.before.rd)} -> {shown('RD', cell.after.rd)}",
-        f"{cell.routes} of {cell.routes + cell.missing}" if cell.missing else str(cell.routes),
+        str(cell.routes) if cell.routes == cell.all_routes else f"{cell.routes} of {cell.all_routes}",
         cell.verdict,
     )
 
@@ -79,11 +99,12 @@ def _row(cell: CellComparison) -> tuple[str, ...]:
 def _stories(comparison: Comparison) -> Iterator[str]:
     """Yield what is behind each verdict that is not a pass, and behind each flip."""
     for cell in comparison.cells:
-        telling = ("fail", "error", "inconclusive") if cell.changed else ("fail", "error")
-        broken = [finding for finding in cell.findings if finding.verdict in telling]
+        broken = [item for item in cell.findings if item.verdict in ("fail", "error") or _is_open(item)]
         if not broken and not cell.flips:
             continue
-        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {counted(cell.routes, 'route')} changed"
+        with_clean = max(item.changed for item in cell.findings)
+        clean = f", {with_clean} with their clean scores" if with_clean > cell.changed else ""
+        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {counted(cell.routes, 'route')} changed{clean}"
         if (rise := cell.rise) is not None:
             yield f"  RD {_change(rise)}"
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
@@ -91,6 +112,11 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         passing = [flip for flip in cell.flips if not flip.fails]
         yield from _flips(comparison, cell, failing, most=_MOST_FAILING)
         yield from _flips(comparison, cell, passing, most=_MOST_PASSING)
+
+
+def _is_open(finding: Finding) -> bool:
+    """Return whether something changed and it is open what that means."""
+    return finding.verdict == "inconclusive" and finding.changed > 0
 
 
 def _mean_lines(comparison: Comparison) -> Iterator[str]:
@@ -111,10 +137,13 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
         return f"error: {finding.problem}"
     before, after = (getattr(numbers, allowance.metric.lower()) for numbers in (cell.before, cell.after))
     change = f"{shown(allowance.metric, before)} -> {shown(allowance.metric, after)}"
-    if allowance.relative and before > 0.0:
-        change += f" ({100.0 * (after / before - 1.0):+.1f} %)"
+    worst = allowance.amount if allowance.metric == "RD" else -allowance.amount
+    if not allowance.relative:
+        change += f" ({beside(after - before, worst, sign='+')})"
+    elif before > 0.0:
+        change += f" ({beside(100.0 * (after / before - 1.0), 100.0 * worst, decimals=1, sign='+')} %)"
     words = {"fail": "broken", "inconclusive": "neither shown nor ruled out"}
-    return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(cell.routes, 'route')}"
+    return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(finding.routes, 'route')}"
 
 
 def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:

@@ -8,7 +8,7 @@ import shlex
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.metrics.summary import Summary
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
-from pytest_drive_robust.report.numbers import counted, interval_text, shown
+from pytest_drive_robust.report.numbers import counted, interval_text, shown, shown_beside
 from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.verdict.evaluate import Verdict
@@ -49,8 +49,8 @@ def _headline(verdict: Verdict) -> list[str]:
     """Return value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
     metric = requirement.metric.name
-    value = f"{metric} under {requirement.setting} = {shown(metric, verdict.value)}"
-    limit = f"limit {requirement.comparison} {shown(metric, requirement.limit)}"
+    value = f"{metric} under {requirement.setting} = {shown_beside(metric, verdict.value, requirement.limit)}"
+    limit = f"limit {requirement.comparison} {requirement.metric.format_limit(requirement.limit)}"
     alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
     interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)
     routes = counted(verdict.routes, "route")
@@ -63,19 +63,16 @@ def _headline(verdict: Verdict) -> list[str]:
 
 def _promise(verdict: Verdict) -> list[str]:
     """Return what the verdict says and how often it may be wrong; nothing for a plain comparison."""
-    metric, kind = verdict.requirement.metric.name, verdict.verdict_rule.kind
+    requirement, kind = verdict.requirement, verdict.verdict_rule.kind
     if verdict.reason:
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:
         return [f"  decided for these {verdict.planned} routes and seeds before all were driven"]
     if kind != "evidence":
         return []
-    above = verdict.requirement.comparison == "<="
-    limit = verdict.requirement.limit
-    lenient = limit + verdict.margin if above else limit - verdict.margin
-    broken = f"{metric} {'>' if above else '<'} {shown(metric, limit)}"
-    held = f"{metric} {'<' if above else '>'} {shown(metric, lenient)}"
-    verdict_rule = verdict.verdict_rule
+    above, metric, verdict_rule = requirement.comparison == "<=", requirement.metric, verdict.verdict_rule
+    broken = f"{metric} {'>' if above else '<'} {metric.format_limit(requirement.limit)}"
+    held = f"{metric} {'<' if above else '>'} {metric.format_limit(requirement.lenient_limit(verdict_rule))}"
     if (
         verdict.decision == "inconclusive"
         and verdict_rule.family > 1

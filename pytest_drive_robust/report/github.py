@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.numbers import ends_text, legible, shown
+from pytest_drive_robust.report.numbers import ends_text, legible, shown, shown_beside
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
@@ -75,7 +75,7 @@ def _verdict(judged: Judged) -> tuple[str, ...]:
     return (
         judged.requirement,
         judged.agent,
-        shown(judged.metric, judged.value),
+        shown_beside(judged.metric, judged.value, judged.limit),
         interval,
         routes,
         f"**{judged.verdict}**" if judged.verdict in _LOUD else judged.verdict,

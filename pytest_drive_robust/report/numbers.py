@@ -8,6 +8,9 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) n
 
 _SHARES = ("RD", "SR")
 _SHORT_S = 15.0
+_ROUNDING = 1e-9
+_MOST_DECIMALS = 9
+"""Less than that is rounding to every rule."""
 
 
 def shown(metric: str, value: float | None) -> str:
@@ -17,6 +20,31 @@ def shown(metric: str, value: float | None) -> str:
     text = f"{value:.2f}"
     # "-0.00" reads like a loss where there is none.
     return "0.00" if text == "-0.00" and metric in _SHARES else text
+
+
+def beside(value: float, limit: float, *, decimals: int = 2, sign: str = "") -> str:
+    """Write a number with so many decimals that it lies on the same side of `limit` as the value: `decimals` or more.
+
+    >>> beside(0.3003, 0.30), beside(0.64, 0.30), beside(0.30, 0.30)
+    ('0.3003', '0.64', '0.30')
+    """
+    text = f"{value:{sign}.{decimals}f}"
+    if decimals >= _MOST_DECIMALS or _side(float(text), limit) == _side(value, limit):
+        return text
+    return beside(value, limit, decimals=decimals + 1, sign=sign)
+
+
+def shown_beside(metric: str, value: float | None, limit: float) -> str:
+    """Write as `shown` does where a limit stands beside it: with as many more decimals as tell the two apart."""
+    text = "-" if value is None or not math.isfinite(value) else beside(value, limit)
+    return shown(metric, value) if text == "-0.00" else text
+
+
+def _side(value: float, limit: float) -> int:
+    """Return -1 below the limit, 1 above it and 0 where only rounding tells them apart."""
+    if math.isclose(value, limit, rel_tol=_ROUNDING, abs_tol=_ROUNDING):
+        return 0
+    return 1 if value > limit else -1
 
 
 OPEN = "not shown to be broken, nor to hold within its margin"

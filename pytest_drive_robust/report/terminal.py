@@ -8,10 +8,11 @@ from functools import partial
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown
+from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown, shown_beside
 from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.multiple_verdicts import any_wrong
+from pytest_drive_robust.store.events import Judged
 from pytest_drive_robust.verdict.evaluate import immunity
 
 _MAX_ERRORS = 10
@@ -100,7 +101,7 @@ def footnotes(run: RunResult) -> list[str]:
             f"these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All "
             "routes, with efficiency and comfort: --drive-verdict=point"
         )
-    lines += [f"NOT GREEN: {item.requirement}: {shown(item.metric, item.value)}, {item.message}" for item in run.late]
+    lines += [f"NOT GREEN: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
@@ -147,9 +148,14 @@ def _open(run: RunResult) -> list[str]:
     for judged in run.judged:
         if judged.verdict == "inconclusive":
             why = judged.message or OPEN
-            value = shown(judged.metric, judged.value)
-            lines.append(f"~ {judged.requirement}: {value} after {judged.routes} of {judged.planned} routes, {why}")
+            read = f"{_value(judged)} after {judged.routes} of {judged.planned} routes"
+            lines.append(f"~ {judged.requirement}: {read}, {why}")
     return lines
+
+
+def _value(judged: Judged) -> str:
+    """Return the value of a requirement, whose sentence with the limit stands beside it."""
+    return shown_beside(judged.metric, judged.value, judged.limit)
 
 
 def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:

@@ -91,6 +91,10 @@ class Scopes:
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""
 
+    def advice(self) -> list[str]:
+        """Return what people should know about the scopes that were made before anything is driven; sentences."""
+        return []
+
     @property
     def agents(self) -> tuple[str, ...]:
         """Return every agent that a scope was made for, sorted."""

@@ -29,7 +29,7 @@ class Planned(Event):
 
 @dataclass(frozen=True, slots=True)
 class Advised(Event):
-    """What the routes of the selected tests cannot show, known before anything is driven; sentences."""
+    """What the selected tests cannot show or do not judge, known before anything is driven; sentences."""
 
     sentences: tuple[str, ...]
 

@@ -32,6 +32,8 @@ ANY_TICK_S = 0.05
 _SCORE_RANGE = 100.0
 _ROUNDING = 1e-9
 """Of the range of a metric: 1 - 70 / 100 is 0.30000000000000004, which meets a limit of 0.30 under every rule."""
+_DIGITS = 12
+"""More are rounding: 0.3 + 0.1 - 0.3 is 0.10000000000000003."""
 _COMPARISONS = ("<=", ">=")
 
 
@@ -136,21 +138,25 @@ class Requirement:
         return verdict_rule.kind != "point" and self.metric.function is None
 
     def margin(self, verdict_rule: VerdictRule) -> float:
-        """Return the margin of `verdict_rule` in the unit of the metric."""
-        return verdict_rule.margin * self._range
+        """Return how far beyond the limit a pass from evidence may reach, in the unit of the metric.
+
+        That is the margin of `verdict_rule`, or what of it is judged by near an end of the range: see `lenient_limit`.
+        """
+        return round(abs(self.lenient_limit(verdict_rule) - self.limit), _DIGITS)
+
+    def lenient_limit(self, verdict_rule: VerdictRule) -> float:
+        """Return the limit and its margin: what a pass from evidence is better than."""
+        return lenient_limit(self.metric, self.comparison, self.limit, verdict_rule)
 
     def linear_forms(self, verdict_rule: VerdictRule) -> LinearForms:
         """Return what the judges of `stats` read of one route's scores."""
-        margin, metric = self.margin(verdict_rule), self.metric
-        if metric.needs_clean:
-            return degradation_forms(self.limit, margin, comparison=self.comparison)
-        return mean_forms(self.limit, self.comparison, margin=margin, low=metric.low, high=metric.high)
+        return _forms(self.metric, self.comparison, self.limit, verdict_rule)
 
     def advice(self, verdict_rule: VerdictRule, routes: int) -> Advice:
         """Return what so many routes can show of it, by the usual noise; `"fine"` where no evidence is asked for."""
         if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
             return Advice("fine", "")
-        noise, margin = USUAL_NOISE * self._range, self.margin(verdict_rule)
+        noise, margin = USUAL_NOISE * self._range, verdict_rule.margin * self._range
         return advise(routes, margin, noise, what=self.metric.name, scale=self._range, alpha=verdict_rule.alpha)
 
     @property
@@ -162,6 +168,22 @@ def span_of(metric: Metric) -> float:
     """Return the length of the range of a metric, of which a verdict rule's margin is a share."""
     span = 1.0 if metric.needs_clean else metric.high - metric.low
     return span if math.isfinite(span) else _SCORE_RANGE
+
+
+def lenient_limit(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> float:
+    """Return what a pass from evidence is better than: the limit and its margin, cut where that leaves the range.
+
+    `DS >= 5` with a margin of 10 is judged against 2.5: every agent is better than -5.
+    """
+    forms = _forms(metric, comparison, limit, verdict_rule)
+    return round(1.0 - forms.lenient_keep if forms.relative else forms.lenient_base, _DIGITS)
+
+
+def _forms(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> LinearForms:
+    margin = verdict_rule.margin * span_of(metric)
+    if metric.needs_clean:
+        return degradation_forms(limit, margin, comparison=comparison)
+    return mean_forms(limit, comparison, margin=margin, low=metric.low, high=metric.high)
 
 
 class MarginRequirement(Requirement):

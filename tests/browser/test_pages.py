@@ -260,6 +260,27 @@ def test_a_metric_of_a_user_is_shown_as_precisely_as_in_the_table(opened, tmp_pa
     assert "0.04" in page.locator("table.requirements td.number").first.inner_text()
 
 
+def test_a_value_is_not_rounded_to_its_limit(opened, tmp_path):
+    judged = [
+        Judged("t", sentence, "driver", "one-per-scenario", (0,), metric, "clean", ">=", limit, "fail", value, routes=1)
+        for sentence, metric, limit, value in (
+            ("DS under clean >= 70", "DS", 70.0, 69.97),
+            ("SR under clean >= 0.50", "SR", 0.5, 0.4996),
+        )
+    ]
+    report = opened(write_pages(tmp_path, clean_run(make_result("101"), judged=judged)).parent)
+    page = report.go()
+    assert page.locator("table.requirements tbody tr td:nth-child(4)").all_inner_texts() == ["69.97", "0.4996"]
+    told = [title.text_content() for title in page.locator("svg.bullet title").all()]
+    assert told[0].startswith("DS 69.97, ")
+    assert told[0].endswith("limit >= 70")
+    assert told[1].endswith("limit >= 0.50")
+    report.follow(page.locator("table.requirements th a").first)
+    assert "DS is 69.97; the limit is >= 70." in page.locator("main").inner_text()
+    plain = (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert "<td>DS under clean &gt;= 70</td><td>driver</td><td>69.97</td>" in plain
+
+
 def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(opened, tmp_path):
     setting = "200 ms latency"
     broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))

@@ -12,15 +12,20 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.references import StoredRuns
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.store.events import EpisodesNeeded, Event, Identified, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Event, Identified, Spared, Used
 
 SCORES = [100.0, 60.0, 100.0, 36.0] * 10
 SETTING = "200 ms latency"
 
 
 @functools.cache
-def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0", routes: int = 40) -> dict[str, object]:
-    """Return a run of one agent, clean and under latency; `factor` is what becomes of the scores under latency."""
+def document(
+    *, factor: float = 1.0, crash: bool = False, digest: str = "d0", routes: int = 40, spared: int = 0
+) -> dict[str, object]:
+    """Return a run of one agent, clean and under latency; `factor` is what becomes of the scores under latency.
+
+    Its verdicts did without the last `spared` routes.
+    """
     episodes: dict[str, EpisodeResult] = {}
     needed: list[Event] = []
     for setting, scale in (("clean", 1.0), (SETTING, factor)):
@@ -28,8 +33,10 @@ def document(*, factor: float = 1.0, crash: bool = False, digest: str = "d0", ro
         if crash:
             results[3] = crashed_simulation("4", setting=setting)
         keys = {f"{setting} {result.episode.route_id}": result for result in results}
-        episodes.update(keys)
-        needed += [EpisodesNeeded("driver", "routes.xml", setting, (0,), tuple(keys)), Used(tuple(keys))]
+        used = tuple(keys)[: routes - spared]
+        episodes.update({key: keys[key] for key in used})
+        needed += [EpisodesNeeded("driver", "routes.xml", setting, (0,), tuple(keys)), Used(used)]
+        needed += [Spared(tuple(keys)[len(used) :])]
     digests = tuple(f"{n}={digest}" for n in range(1, routes + 1))
     identified = Identified("driver", "agents 1", "abc", "", digests)
     run = RunResult.of(RunOptions(simulator="embedded"), [identified, *needed], episodes.get, versions={})

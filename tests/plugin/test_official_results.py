@@ -28,15 +28,20 @@ def test_requirement(drive, requirement):
 '''
 
 
-def write_results(path: Path, completions: dict[str, float], scenario: str = "ParkedObstacle") -> None:
-    """Official records of routes that were driven so far [%] without any infraction."""
+def write_results(
+    path: Path,
+    *repetitions: dict[str, float],
+    scenario: str = "ParkedObstacle",
+    planned: int | None = None,
+) -> None:
+    """Official records of routes that were driven so far [%] without any infraction; `planned` are all that were."""
     records = [
         {
             "index": number,
-            "route_id": f"RouteScenario_{route}_rep0",
+            "route_id": f"RouteScenario_{route}_rep{repetition}",
             "scenario_name": f"{scenario}_1",
             "weather_id": "3",
-            "save_name": f"RouteScenario_{route}_rep0_Town12_ParkedObstacle_1_3_01_02_03_04_05",
+            "save_name": f"RouteScenario_{route}_rep{repetition}_Town12_ParkedObstacle_1_3_01_02_03_04_05",
             "town_name": "Town12",
             "status": "Completed" if completion == 100.0 else "Failed - Agent got blocked",
             "num_infractions": 0,
@@ -44,9 +49,12 @@ def write_results(path: Path, completions: dict[str, float], scenario: str = "Pa
             "scores": {"score_route": completion, "score_penalty": 1.0, "score_composed": completion},
             "meta": {"route_length": 120.5, "duration_game": 42.0, "duration_system": 300.25},
         }
+        for repetition, completions in enumerate(repetitions)
         for number, (route, completion) in enumerate(completions.items())
     ]
-    path.write_text(json.dumps({"_checkpoint": {"records": records, "progress": [4, 4]}, "entry_status": "Finished"}))
+    progress = [len(records), len(records) if planned is None else planned]
+    status = "Finished" if progress[0] == progress[1] else "Crashed"
+    path.write_text(json.dumps({"_checkpoint": {"records": records, "progress": progress}, "entry_status": status}))
 
 
 @pytest.fixture
@@ -79,7 +87,7 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
 
 
 def test_what_only_a_map_tells_is_stated_as_bounds(results, pytester):
-    write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, "T_Junction")
+    write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, scenario="T_Junction")
     results("clean=late.json,200 ms latency=late.json", "--drive-json", "run.json")
     document = json.loads((pytester.path / "run.json").read_text())
     summary = document["summaries"][0]["summary"]
@@ -114,3 +122,90 @@ def test_a_folder_that_is_not_there_is_named_at_once(results):
     result = results("clean=cleen.json,200 ms latency=late.json")
     assert result.ret == 4
     assert "cleen.json" in result.stderr.str()
+
+
+@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["alone", "xdist"])
+def test_an_evaluation_that_has_not_ended_is_no_pass(results, pytester, workers):
+    write_results(pytester.path / "clean.json", {"1": 100.0, "2": 100.0}, planned=220)
+    result = results("clean=clean.json,200 ms latency=clean.json", *workers)
+    assert result.ret == 4
+    text = result.stdout.str() + result.stderr.str()
+    assert "--drive-results names an evaluation that has not ended:" in text
+    assert "the results of 'clean': 'clean.json' holds 2 of 220 episodes" in text
+    assert "Finish the evaluation, or name the routes to judge, with --drive-routes FILE.xml or id,id." in text
+    named = results("clean=clean.json,200 ms latency=clean.json", "--drive-routes", "1,2")
+    named.assert_outcomes(passed=3)
+
+
+def test_a_part_of_an_evaluation_that_is_empty_is_none_that_ended(results, pytester):
+    folder = pytester.mkdir("parts")
+    write_results(folder / "eval_0.json", {"1": 100.0, "2": 100.0})
+    (folder / "eval_1.json").touch()
+    result = results("clean=parts,200 ms latency=parts")
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*eval_1.json' is empty: its evaluator ended before the first route"])
+
+
+def test_routes_that_are_named_must_all_be_there(results):
+    result = results(BOTH, "--drive-routes", "1,77")
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*there is no route of results named '77'*"])
+    file = results(BOTH, "--drive-routes", "dev10")
+    assert file.ret == 4
+    assert "lack 10 of 10 episodes" in file.stderr.str()
+    missing = results(BOTH, "--drive-routes", "roads.xml")
+    assert missing.ret == 4
+    assert "there is no route file named 'roads.xml'" in missing.stderr.str()
+
+
+@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["alone", "xdist"])
+def test_without_seeds_all_repetitions_are_judged(results, pytester, workers):
+    whole = {"1": 100.0, "2": 100.0, "3": 100.0, "4": 100.0}
+    write_results(pytester.path / "clean.json", whole, dict.fromkeys(whole, 10.0))
+    run = ("--drive-json", "run.json", "-k", "clean", *workers)
+    result = results("clean=clean.json", *run)
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(["drive-robust: agent=results *seeds=0,1 *", "*4 routes x 2 seeds*"])
+    document = json.loads((pytester.path / "run.json").read_text())
+    assert document["settings"]["seeds"] == [0, 1]
+    assert document["summaries"][0]["summary"]["ds"] == 55.0
+    chosen = results("clean=clean.json", "--drive-seeds", "0", *run)
+    chosen.assert_outcomes(passed=1)
+    told = "drive-robust: not judged: 4 records of repetition 1. The seeds are given as 0; without seeds all *"
+    chosen.stdout.fnmatch_lines(["drive-robust: agent=results *seeds=0 *", told])
+    assert chosen.stdout.str().count("not judged: ") == 1
+
+
+@pytest.mark.parametrize("given", ["ini", "marker"])
+def test_seeds_of_the_ini_file_and_of_a_marker_are_given_too(results, pytester, given):
+    whole = {"1": 100.0, "2": 100.0, "3": 100.0, "4": 100.0}
+    write_results(pytester.path / "clean.json", whole, dict.fromkeys(whole, 10.0), dict.fromkeys(whole, 0.0))
+    if given == "ini":
+        pytester.makeini("[pytest]\ndrive_verdict = point\ndrive_seeds = 0\n")
+    else:
+        suite = SUITE.replace("@pytest", "@pytest.mark.drive_robust(seeds=[0])\n@pytest")
+        pytester.makepyfile(test_suite=suite)
+    result = results("clean=clean.json", "-k", "clean")
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["*not judged: 4 records of repetition 1, 4 records of repetition 2. The seeds *"])
+
+
+def test_repetitions_that_one_setting_lacks_are_named(results, pytester):
+    whole = {"1": 100.0, "2": 100.0, "3": 100.0, "4": 100.0}
+    write_results(pytester.path / "clean.json", whole, whole)
+    result = results(BOTH)
+    assert result.ret == 4
+    text = result.stderr.str()
+    assert "route 1 has no repetition 1, only 0" in text
+    assert "--drive-seeds 0" in text
+    results(BOTH, "--drive-seeds", "0").assert_outcomes(passed=2, failed=1)
+
+
+def test_a_failure_does_not_round_value_and_limit_into_agreement(results, pytester):
+    whole = {str(number): 100.0 for number in range(4)}
+    write_results(pytester.path / "clean.json", whole)
+    write_results(pytester.path / "late.json", dict.fromkeys(whole, 69.97))
+    pytester.makepyfile(test_suite=SUITE.replace("<= 0.60", "<= 0.30").replace("RD under 200 ms latency <= 0.10", ""))
+    result = results(BOTH)
+    result.assert_outcomes(passed=1, failed=1)
+    result.stdout.fnmatch_lines(["RD under 200 ms latency = 0.3003, limit <= 0.30 *"])

@@ -186,6 +186,34 @@ def test_routes_that_became_others_refuse_the_comparison(suite):
     assert run(folder, "--drive-compare=before", "--drive-on-mismatch=warn").ret == 0
 
 
+def test_fewer_routes_than_before_are_no_green_comparison(suite):
+    folder = suite(HOLDS, ALSO)
+    run(folder, "--drive-save=before")
+    one = ("--drive-routes", "routes.xml:1", "--drive-compare=before")
+    result = run(folder, *one)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["NOT COMPARED with before: this run lacks routes of before: 2 of 3 under *"])
+    assert "Drive these routes, too, or give" in result.stdout.str()
+    allowed = run(folder, *one, "--drive-on-mismatch=warn", "-k", "clean")
+    assert allowed.ret == 0
+    allowed.stdout.fnmatch_lines(
+        ["no regression on 1 of 3 routes in 1 of 2 settings against before: not one score changed"]
+    )
+
+
+def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite):
+    folder = suite(HOLDS)
+    many_routes(folder)
+    run(folder, EVIDENCE, "--drive-json=early.json")
+    result = run(folder, EVIDENCE, "--drive-compare=early.json")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(
+        ["NOT COMPARED with early.json: early.json was driven until its verdicts were in*--drive-verdict=point, or *"]
+    )
+    run(folder, "--drive-verdict=point", "--drive-json=whole.json")
+    assert run(folder, EVIDENCE, "--drive-compare=whole.json").ret == 0
+
+
 def test_episodes_that_broke_in_the_simulator_are_no_pass(suite):
     folder = suite(ALSO)
     run(folder, "--drive-save=before")

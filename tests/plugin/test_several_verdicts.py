@@ -68,7 +68,7 @@ def test_a_clear_fail_is_red_at_once_and_lets_holm_reject_the_next_at_the_end(mi
     assert judged(folder)[NEAR]["verdict"] == "fail"
     result.stdout.fnmatch_lines(
         [
-            "*shown: DS < 60.00 on routes like these; any wrong fail among 2: at most 5%",
+            "*shown: DS < 60 on routes like these; any wrong fail among 2: at most 5%",
             f"NOT GREEN: {NEAR}: *, open in its test, a fail when all p-values were known*",
             "*1 failed, 1 inconclusive*",
         ]
@@ -90,7 +90,7 @@ def test_an_open_verdict_that_waits_for_the_others_says_so(mixed):
     result = run(mixed(NEAR, HOLDS), "--drive-correction", "holm", "--drive-inconclusive", "fail")
     assert result.ret == 1
     result.stdout.fnmatch_lines(
-        ["*open: DS < 71.00 is shown on its own (p = 0.0*) but not among 2 requirements yet", "*Holm's * decides*"]
+        ["*open: DS < 71 is shown on its own (p = 0.0*) but not among 2 requirements yet", "*Holm's * decides*"]
     )
 
 

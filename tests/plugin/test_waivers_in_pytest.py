@@ -7,6 +7,8 @@ from datetime import date
 import pytest
 
 from pytest_drive_robust.regression import clock
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
+from pytest_drive_robust.testing import fake_route
 
 RED = "RD under throttle 0.3 <= 0.30"
 GREEN = "DS under clean >= 1"
@@ -103,6 +105,23 @@ def test_a_waiver_that_matches_nothing_is_a_warning_unless_tests_were_left_out(w
     selected = run(folder, "-k", "ds-clean", *workers)
     assert selected.ret == 0
     selected.stdout.no_fnmatch_line("warning: *waiver*")
+
+
+@pytest.mark.parametrize(
+    ("mode", "told"),
+    [
+        ("warn", "waiver not used, nothing fails, 1 inconclusive: "),
+        ("skip", "waiver not used, nothing fails, 1 inconclusive: "),
+        ("fail", "waived, 1 failing: "),
+    ],
+)
+def test_an_open_verdict_is_failing_where_it_fails_its_test(waived, mode, told):
+    folder = waived("DS under clean >= 50", requirement="DS under clean >= 50")
+    routes = [fake_route(str(number), length_m=9.0 if number % 2 else 900.0) for number in range(1, 25)]
+    save_routes(routes, folder.path / "routes.xml")
+    result = run(folder, "--drive-verdict=evidence", f"--drive-inconclusive={mode}")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines([f"{told}DS under clean >= 50 of steady *"])
 
 
 def test_an_error_is_not_waived(waived):

@@ -56,8 +56,13 @@ class ExternalScopes(Scopes):
             return self._supply.routes
         try:
             return self._named([name.strip() for name in spec.split(",")])
-        except UnknownNameError:
-            return self._load_routes(spec)
+        except UnknownNameError as unknown:
+            try:
+                return self._load_routes(spec)
+            except UnknownNameError:
+                if spec.endswith(".xml"):
+                    raise
+                raise unknown from None
 
     def identify(self, scope: Scope) -> Identified:
         """Return what is known about an agent that drove elsewhere: its routes."""
@@ -81,3 +86,35 @@ class ExternalScopes(Scopes):
         if unknown:
             raise UnknownNameError.of(f"route of {self._options.simulator}", unknown[0], by_id)
         return tuple(by_id[name] for name in dict.fromkeys(names))
+
+
+class ResultsScopes(ExternalScopes):
+    """Over results that are there already. Where nobody names routes, an evaluation that has not ended is refused."""
+
+    def __init__(
+        self,
+        options: RunOptions,
+        registry: Registry,
+        load_routes: Callable[[str], tuple[Route, ...]],
+        results: ResultsExecutor,
+    ) -> None:
+        super().__init__(options, registry, load_routes, results)
+        self._results = results
+        self._seeds: set[int] = set()
+
+    def of(self, marker: MarkerOptions) -> Scope:
+        """Return the scope of a test with this marker. Raises `UsageError`, also for unfinished results."""
+        scope = super().of(marker)
+        self._seeds.update(scope.seeds)
+        return scope
+
+    def routes(self, spec: str) -> tuple[Route, ...]:
+        """Return routes as `ExternalScopes` does, all of them only where every evaluation has ended."""
+        if spec == self._options.simulator:
+            self._results.require_finished()
+        return super().routes(spec)
+
+    def advice(self) -> list[str]:
+        """Return which records no test judges, because seeds were given, in a sentence."""
+        sentence = self._results.left_out(self._seeds) if self._seeds else ""
+        return [sentence] if sentence else []

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
-from pytest_drive_robust.bench2drive.results.results_file import ResultSet, read_results
+from pytest_drive_robust.bench2drive.results.results_file import ResultSet, UnfinishedFile, read_results
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
@@ -77,12 +78,16 @@ def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None =
 
 @dataclass(frozen=True)
 class ResultsSource:
-    """The results of one setting: answers which episode a route and a seed (the record's repetition) were."""
+    """The results of one setting: answers which episode a route and a seed (the record's repetition) were.
+
+    `unfinished` are the files of an evaluation that has not ended.
+    """
 
     setting: str
     path: Path
     records: Mapping[tuple[str, int], tuple[OfficialRecord, ...]]
     folders: tuple[Path, ...]
+    unfinished: tuple[UnfinishedFile, ...] = ()
 
     @classmethod
     def read(cls, setting: str, path: Path) -> ResultsSource:
@@ -91,7 +96,8 @@ class ResultsSource:
         found: dict[tuple[str, int], list[OfficialRecord]] = {}
         for record in results.records:
             found.setdefault((record.route, record.repetition), []).append(record)
-        return cls(setting, path, {key: tuple(of_key) for key, of_key in found.items()}, (results.folder,))
+        records_of = {key: tuple(of_key) for key, of_key in found.items()}
+        return cls(setting, path, records_of, (results.folder,), results.unfinished)
 
     @property
     def routes(self) -> tuple[Route, ...]:
@@ -151,6 +157,43 @@ class ResultsExecutor(Executor):
                 found.setdefault(route.id, route)
         return tuple(found.values())
 
+    @property
+    def repetitions(self) -> tuple[int, ...]:
+        """Every repetition that some record has, in order: the seeds to judge where nobody gave any."""
+        return tuple(sorted({seed for source in self._sources.values() for _, seed in source.records}))
+
+    def require_finished(self) -> None:
+        """Raise one `UsageError` that names every file of an evaluation that has not ended: its routes are not all."""
+        files = [
+            f"the results of {source.setting!r}: {file}"
+            for source in self._sources.values()
+            for file in source.unfinished
+        ]
+        if files:
+            more = [f"and {len(files) - _MOST_SHOWN} more files"] if len(files) > _MOST_SHOWN else []
+            advice = "Finish the evaluation, or name the routes to judge, with --drive-routes FILE.xml or id,id."
+            head = "--drive-results names an evaluation that has not ended:"
+            raise UsageError("\n  ".join([head, *files[:_MOST_SHOWN], *more, advice]))
+
+    def left_out(self, seeds: Collection[int]) -> str:
+        """Return how many records are of other repetitions than `seeds`, as a sentence; empty where none is."""
+        counts = Counter(
+            seed
+            for source in self._sources.values()
+            for (_, seed), records in source.records.items()
+            for _ in records
+            if seed not in seeds
+        )
+        if not counts:
+            return ""
+        told = ", ".join(
+            f"{count} record{'' if count == 1 else 's'} of repetition {seed}"
+            for seed, count in sorted(counts.items())[:_MOST_SHOWN]
+        )
+        more = f" and of {len(counts) - _MOST_SHOWN} more" if len(counts) > _MOST_SHOWN else ""
+        given = ", ".join(map(str, sorted(seeds)))
+        return f"not judged: {told}{more}. The seeds are given as {given}; without seeds all repetitions are judged"
+
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that `requests` need and the results do not hold."""
         wanted: dict[str, list[EpisodeRequest]] = {}
@@ -170,7 +213,10 @@ class ResultsExecutor(Executor):
                     f"episodes: {'; '.join(found[:_MOST_SHOWN])}{more}"
                 )
         if problems:
-            advice = "Drive what is missing, or judge the routes that are there: --drive-routes FILE.xml:id,id"
+            advice = (
+                "Drive what is missing, or judge the routes and repetitions that all of them have: "
+                "--drive-routes FILE.xml:id,id, --drive-seeds 0"
+            )
             raise UsageError("\n  ".join(["--drive-results cannot answer:", *problems, advice]))
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:

@@ -15,17 +15,33 @@ _RECORDS = "records"
 
 
 @dataclass(frozen=True, slots=True)
+class UnfinishedFile:
+    """A file that holds fewer episodes than the evaluator set out to drive; `planned` is None where it was emptied."""
+
+    path: Path
+    held: int
+    planned: int | None
+
+    def __str__(self) -> str:
+        if self.planned is None:
+            return f"{shown(self.path)} is empty: its evaluator ended before the first route"
+        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes"
+
+
+@dataclass(frozen=True, slots=True)
 class ResultSet:
     """The records of one run in the order of their files and lines.
 
-    `planned` is how many routes the evaluator set out to drive, None where no file says so. `folder` is where the
-    files are: folders of single routes are looked for from there. `skipped` are files that hold no records.
+    `planned` is how many episodes (routes times repetitions) the evaluator set out to drive, None where some file does
+    not say so; `unfinished` are the files that say that they hold fewer, or are empty. `folder` is where the files are:
+    folders of single routes are looked for from there. `skipped` are files that hold no records.
     """
 
     records: tuple[OfficialRecord, ...]
     folder: Path
     planned: int | None = None
     skipped: tuple[Path, ...] = ()
+    unfinished: tuple[UnfinishedFile, ...] = ()
 
     @property
     def duplicates(self) -> tuple[str, ...]:
@@ -44,16 +60,25 @@ def read_results(path: Path) -> ResultSet:
     records: list[OfficialRecord] = []
     planned: list[int | None] = []
     skipped: list[Path] = []
+    unfinished: list[UnfinishedFile] = []
     for file in files:
-        document = {} if file != path and is_empty(file) else read_json(file)
+        if file != path and is_empty(file):
+            skipped.append(file)
+            unfinished.append(UnfinishedFile(file, 0, None))
+            continue
+        document = read_json(file)
         lines = _records_of(document)
         if lines is None:
             if file == path:
                 raise UsageError(f"{shown(file)} holds no official results: expected '_checkpoint' with 'records'.")
             skipped.append(file)
             continue
-        records += [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
-        planned.append(_planned(document))
+        of_file = [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
+        held, total = len({record.route_id for record in of_file}), _planned(document)
+        if total is not None and held < total:
+            unfinished.append(UnfinishedFile(file, held, total))
+        records += of_file
+        planned.append(total)
     if not records:
         raise UsageError(f"{shown(path)} holds no record of a route. A score of nothing is not 0.")
     totals = [total for total in planned if total is not None]
@@ -62,6 +87,7 @@ def read_results(path: Path) -> ResultSet:
         folder=path.parent if single else path,
         planned=sum(totals) if len(totals) == len(files) else None,  # nobody knows what a part that died had before it
         skipped=tuple(skipped),
+        unfinished=tuple(unfinished),
     )
 
 

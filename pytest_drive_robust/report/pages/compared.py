@@ -48,7 +48,6 @@ def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
         "agentBefore": cell.agent_before,
         "setting": cell.setting,
         "verdict": cell.verdict,
-        "rule": cell.rule,
         "routes": cell.routes,
         "missing": cell.missing,
         "changed": cell.changed,

@@ -14,6 +14,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.film.file_name import film_name
+from pytest_drive_robust.report.numbers import shown_beside
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
 from pytest_drive_robust.report.pages.run_data import run_data
@@ -107,7 +108,8 @@ def _page(data: Mapping[str, Any]) -> str:
 
     template = resources.files(__package__).joinpath("templates").joinpath("index.html.j2").read_text(encoding="utf-8")
     environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True)
-    return environment.from_string(template).render(run=data, version=__version__) + "\n"
+    page = environment.from_string(template).render(run=data, version=__version__, shown_beside=shown_beside)
+    return page + "\n"
 
 
 def _copy_static(folder: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.regression.comparison_result import Comparison
@@ -20,7 +21,7 @@ from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
-from pytest_drive_robust.verdict.requirement import span_of
+from pytest_drive_robust.verdict.requirement import lenient_limit
 
 
 def run_data(
@@ -93,9 +94,11 @@ def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, An
     metric = METRICS.get(judged["metric"])
     reason = judged.get("message", "") or (OPEN if judged["verdict"] == "inconclusive" else "")
     names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
-    margin = records.document["settings"].get("margin", 0.0)
-    reach = 0.0 if metric is None else margin * span_of(metric)
-    lenient = float(judged["limit"]) + (reach if judged["comparison"] == "<=" else -reach)  # shown for a pass
+    margin = records.document["settings"].get("margin")
+    lenient = None  # shown for a pass
+    if judged.get("rule") == "evidence" and metric is not None and margin:
+        rule = VerdictRule("evidence", margin=margin)
+        lenient = lenient_limit(metric, judged["comparison"], float(judged["limit"]), rule)
     return {
         **{name: judged[name] for name in names},
         "routesSpec": judged["routes_spec"],
@@ -106,7 +109,7 @@ def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, An
         "rule": judged.get("rule", ""),
         "pValue": judged.get("p_value"),
         "reason": reason,
-        "lenient": lenient if judged.get("rule") == "evidence" else None,
+        "lenient": lenient,
         "seeds": judged["seeds"],
         "baseline": records.baselines.get(judged["setting"], "clean"),
         "order": order,

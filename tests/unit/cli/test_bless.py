@@ -105,6 +105,17 @@ def test_a_run_that_was_cut_short_is_not_blessed_and_worse_than_a_whole_one(caps
     assert main(["compare", "whole", "cut"]) == 1
 
 
+def test_a_run_that_stopped_at_its_verdicts_is_not_blessed(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("early", spared=28)
+    assert main(["bless", "early", "--reason", "why"]) == 4
+    told = capsys.readouterr().err
+    assert (
+        "early was driven until its verdicts were in, on 12 of 40 routes of routes.xml under clean (and 1 more)" in told
+    )
+    assert "Drive it with --drive-save, or with --drive-verdict=point." in told
+    assert not Path("suites").exists()
+
+
 def test_a_folder_that_cannot_be_made_is_no_verdict(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     Path("file").touch()

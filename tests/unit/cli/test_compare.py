@@ -62,6 +62,44 @@ def test_other_routes_are_refused_unless_allowed(capsys: pytest.CaptureFixture[s
     assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
 
 
+def test_routes_that_the_new_run_did_not_drive_are_other_routes(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    store_run("b", routes=10)
+    assert main(["compare", "a", "b"]) == 4
+    shown = capsys.readouterr().out
+    assert (
+        "NOT COMPARED with a: b lacks routes of a: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and so under "
+        "1 more setting. Drive these routes, too, or give --on-mismatch=warn" in shown
+    )
+    assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
+    shown = capsys.readouterr().out
+    assert "warning: b lacks routes of a" in shown
+    assert "10 of 40  pass" in shown
+    assert "no regression on 10 of 40 routes in 2 settings against a: not one score changed" in shown
+    assert main(["compare", "b", "a"]) == 0
+    shown = capsys.readouterr().out
+    assert "note: not in b: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and so under 1 more setting" in shown
+    assert "no regression on 10 of 40 routes in 2 settings against b: not one score changed" in shown
+
+
+@pytest.mark.parametrize("which", ["a", "b"])
+def test_a_run_that_stopped_at_its_verdicts_says_nothing_about_two_runs(
+    which: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    store_run("a")
+    store_run("b")
+    store_run(which, spared=28)
+    assert main(["compare", "a", "b"]) == 4
+    shown = capsys.readouterr().out
+    assert f"NOT COMPARED with a: {which} was driven until its verdicts were in, which says nothing about two " in shown
+    assert (
+        "12 of 40 routes of routes.xml under clean, and so under 1 more setting. Drive that run with --drive-" in shown
+    )
+    assert shown.count("refused: ") == 1
+    assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
+    assert "no regression on 12 of 40 routes in 2 settings against a" in capsys.readouterr().out
+
+
 def test_runs_are_found_from_a_folder_below(monkeypatch: pytest.MonkeyPatch) -> None:
     store_run("a")
     Path("deep/er").mkdir(parents=True)

@@ -30,6 +30,19 @@ def test_against_a_run_says_what_got_worse(tmp_path):
     assert data_of(tmp_path / "look")["comparison"]["regressed"]
 
 
+def test_against_a_run_of_more_routes_compares_on_request_only(tmp_path):
+    store_run("one")
+    store_run("two", routes=10)
+    arguments = ["report", "two", "--against", "one", "--out", "look"]
+    assert main(arguments) == 0
+    refused = data_of(tmp_path / "look")["comparison"]
+    assert refused["refused"]
+    assert "two lacks routes of one: 30 of 40 under clean" in refused["conclusion"]
+    assert main([*arguments, "--on-mismatch", "warn"]) == 0
+    told = data_of(tmp_path / "look")["comparison"]["conclusion"]
+    assert told == "no regression on 10 of 40 routes in 2 settings against one: not one score changed"
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

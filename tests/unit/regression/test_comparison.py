@@ -69,16 +69,16 @@ def test_without_a_rule_few_routes_are_a_list_unless_their_seeds_are_others(
 ) -> None:
     old = snapshot(cell([80.0] * routes))
     (worse,) = compare(old, snapshot(cell([70.0] * routes, seed=seed))).cells
-    assert (worse.rule, worse.verdict) == (rule, verdict)
+    assert (worse.findings[0].rule, worse.verdict) == (rule, verdict)
 
 
 def test_the_same_seeds_without_one_changed_score_pass_on_any_number_of_routes() -> None:
     for routes in (1, 19, 20, 44):
         old = snapshot(cell([60.0] * routes))
         (same,) = compare(old, old).cells
-        assert (same.rule, same.verdict) == ("list", "pass")
+        assert (same.findings[0].rule, same.verdict) == ("list", "pass")
         (other,) = compare(old, snapshot(cell([60.0] * routes, seed=1))).cells
-        assert (other.rule, other.verdict) == ("evidence", "inconclusive")
+        assert (other.findings[0].rule, other.verdict) == ("evidence", "inconclusive")
 
 
 def test_few_routes_are_told_about() -> None:
@@ -132,6 +132,55 @@ def test_a_rise_of_rd_is_found() -> None:
     assert [finding.verdict for finding in comparison.cells[1].findings] == ["fail", "pass"]
 
 
+SCORES = st.lists(st.tuples(*[st.sampled_from([20.0, 60.0, 100.0])] * 4), min_size=20, max_size=30)
+
+
+@given(SCORES, st.booleans())
+def test_a_rise_of_rd_is_judged_by_evidence_as_soon_as_one_of_the_four_scores_of_a_route_changed(
+    scores: list[tuple[float, float, float, float]], unchanged: bool
+) -> None:
+    clean, weak, clean_now, weak_now = (list(column) for column in zip(*scores, strict=True))
+    if unchanged:
+        clean_now, weak_now = clean, weak
+    old = snapshot(cell(clean), cell(weak, setting="200 ms latency"))
+    new = snapshot(cell(clean_now), cell(weak_now, setting="200 ms latency"))
+    (finding,) = compare(old, new, terms("rd:+0.04")).cells[1].findings
+    changed = 0 if unchanged else sum(row[:2] != row[2:] for row in scores)
+    assert finding.changed == changed
+    assert finding.rule == ("evidence" if changed else "list")
+
+
+def test_an_rd_that_rises_because_only_clean_scores_do_is_no_list() -> None:
+    clean = [100.0] * 20 + [60.0] * 10 + [30.0] * 10
+    better = [100.0 if 30 <= place < 34 else score for place, score in enumerate(clean)]
+    weak = cell([70.0] * 20 + [50.0] * 10 + [20.0] * 10, setting="200 ms latency")
+    comparison = compare(snapshot(cell(clean), weak), snapshot(cell(better), weak), terms("rd:+0.04"))
+    found = comparison.cells[1]
+    assert found.after.rd - found.before.rd == pytest.approx(0.064, abs=1e-3)  # type: ignore[operator]
+    assert (found.verdict, found.changed, found.findings[0].changed) == ("inconclusive", 0, 4)
+    text = comparison_text(comparison, colour=False)
+    assert "driver under 200 ms latency: 0 of 40 routes changed, 4 with their clean scores" in text
+    assert "neither shown nor ruled out: RD rises by 0.04 at most; 0.28 -> 0.34 (+0.06) on 40 routes" in text
+
+
+def test_an_rd_whose_clean_scores_are_of_other_seeds_is_evidence() -> None:
+    weak = cell([60.0] * 10, setting="200 ms latency")
+    old, new = snapshot(cell([90.0] * 10), weak), snapshot(cell([90.0] * 10, seed=1), weak)
+    (finding,) = compare(old, new, terms("rd:+0.05")).cells[1].findings
+    assert (finding.rule, finding.verdict) == ("evidence", "inconclusive")
+
+
+def test_a_success_that_was_lost_without_a_change_of_its_driving_score_is_a_change() -> None:
+    old, new = (snapshot(cell([100.0] * 20, success=success)) for success in (True, False))
+    comparison = compare(old, new, terms("ds:-5%", "sr:-0.05"))
+    (found,) = comparison.cells
+    assert [(item.rule, item.changed, item.verdict) for item in found.findings] == [
+        ("list", 0, "pass"),
+        ("evidence", 20, "fail"),
+    ]
+    assert found.changed == 20
+
+
 def test_rd_without_clean_episodes_is_an_error_not_a_pass() -> None:
     weak = snapshot(cell(BUSY, setting="200 ms latency"))
     (found,) = compare(weak, weak, terms("rd:+0.05")).cells
@@ -164,7 +213,38 @@ def test_a_setting_of_which_nothing_was_scored_is_a_regression(told: str) -> Non
 def test_only_common_routes_count_and_the_others_are_told() -> None:
     before = cell({"1": 100.0, "2": 100.0, "3": 10.0})
     (found,) = compare(snapshot(before), snapshot(cell({"1": 100.0, "2": 100.0, "9": 0.0}))).cells
-    assert (found.routes, found.missing, found.after.ds) == (2, 1, 100.0)
+    assert (found.routes, found.missing, found.added, found.after.ds) == (2, 1, 1, 100.0)
+
+
+def test_routes_that_the_new_run_lacks_refuse_and_settings_that_it_lacks_are_notes() -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), cell(BUSY, setting="200 ms latency"), label="old")
+    new = snapshot(cell(BUSY[:5]), cell(BUSY[:5], setting="occlusion 0.5"), label="new")
+    comparison = compare(old, new)
+    (mismatch,) = comparison.refusals
+    assert mismatch.kind == "routes"
+    assert mismatch.text == (
+        "new lacks routes of old: 59 of 64 under clean (6, 7, 8, 9, 10 and 54 more), and so under 1 more setting"
+    )
+    assert comparison.notes == ("not in new: driver under 200 ms latency",)
+    assert not compare(old, new, Terms(policy="warn")).refusals
+    assert not compare(new, old).refusals
+    whole = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), label="new")
+    assert not compare(old, whole).mismatches
+
+
+def test_a_setting_without_one_common_route_lacks_routes_too() -> None:
+    old = snapshot(cell({"1": 100.0}), cell({"1": 100.0}, setting="occlusion 0.5"))
+    new = snapshot(cell({"1": 100.0}), cell({"2": 100.0}, setting="occlusion 0.5"), label="new")
+    assert [item.text for item in compare(old, new).refusals] == [
+        "new lacks routes of run: 1 of 1 under occlusion 0.5 (1)"
+    ]
+
+
+def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> None:
+    short = cell(BUSY[:5], broken=("59 episodes were not driven, as the run ended before",))
+    comparison = compare(snapshot(cell(BUSY)), snapshot(short))
+    assert not comparison.refusals
+    assert comparison.regressed
 
 
 def test_settings_that_one_run_lacks_are_notes() -> None:

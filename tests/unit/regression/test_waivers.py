@@ -82,6 +82,25 @@ def test_the_review_says_what_became_of_a_waiver(
     assert "planning until 2026-12-15: new planner" in line
 
 
+@pytest.mark.parametrize(
+    ("verdicts", "days", "open_fails", "told"),
+    [
+        (["inconclusive", "fail"], 0, False, "waived, 1 failing, 1 inconclusive: "),
+        (["inconclusive", "fail"], 0, True, "waived, 2 failing: "),
+        (["inconclusive", "pass"], 0, False, "waiver not used, nothing fails, 1 inconclusive: "),
+        (["inconclusive"], 1, False, "waiver expired, nothing fails, 1 inconclusive, remove it: "),
+        (["inconclusive"], 1, True, "waiver expired, 1 failing: "),
+    ],
+)
+def test_an_open_verdict_counts_as_failing_only_where_it_fails_its_test(
+    verdicts: list[str], days: int, open_fails: bool, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    days_later(days, monkeypatch)
+    given = [judged(verdict) for verdict in verdicts]
+    (line,) = Waivers([WAIVER]).review(given, whole=True, open_fails=open_fails)
+    assert line.startswith(told)
+
+
 def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -> None:
     others = [judged("pass", sentence="DS under clean >= 60", nodeid="t.py::t[ds]")]
     (line,) = Waivers([WAIVER]).review(others, whole=True)

@@ -4,9 +4,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from hypothesis import given
+from hypothesis import strategies as st
 from snapshot_factory import PRINT, cell, snapshot, with_versions
 
+from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
+from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.report.comparison import comparison_text, conclusion
 
 GOOD = [100.0] * 40
@@ -25,6 +30,46 @@ def test_an_open_verdict_on_changed_scores_says_what_was_seen() -> None:
     text = comparison_text(compare(before, after), colour=False)
     assert "driver under clean: 1 of 2 routes changed" in text
     assert "neither shown nor ruled out: DS drops by 5 % at most; 75.00 -> 65.00 (-13.3 %) on 2 routes" in text
+
+
+def test_a_drop_is_not_rounded_to_what_is_allowed() -> None:
+    before, after = snapshot(cell([80.0] * 40)), snapshot(cell([75.99] * 40))
+    allowed = Terms(parse_allowances(["ds:-5%", "ds:-4.005"], source="--fail-on"), kind="point")
+    text = comparison_text(compare(before, after, allowed), colour=False)
+    assert "broken: DS drops by 5 % at most; 80.00 -> 75.99 (-5.01 %) on 40 routes" in text
+    assert "broken: DS drops by 4.005 at most; 80.00 -> 75.99 (-4.01) on 40 routes" in text
+
+
+@given(
+    st.lists(st.tuples(st.integers(1, 6), st.integers(0, 3), st.integers(0, 3)), min_size=1, max_size=3),
+    st.integers(0, 2),
+    st.integers(0, 2),
+)
+def test_the_conclusion_claims_no_more_than_was_compared(
+    cells: list[tuple[int, int, int]], only_old: int, only_new: int
+) -> None:
+    """Each cell: how many routes both runs hold, the old one only, the new one only."""
+
+    def run_of(own: int, others: int, label: str) -> Snapshot:
+        of_settings = [
+            {str(n): 50.0 for n in range(common)} | {f"{label} {n}": 50.0 for n in range(counts[own])}
+            for common, *counts in cells
+        ]
+        lone = [cell([50.0], setting=f"{label} setting {n}") for n in range(others)]
+        return snapshot(*(cell(scores, setting=f"s{n}") for n, scores in enumerate(of_settings)), *lone, label=label)
+
+    told = conclusion(compare(run_of(0, only_old, "old"), run_of(1, only_new, "new"), Terms(policy="warn")))
+    settings = len(cells) + only_old + only_new
+    compared, held = sum(common for common, *_ in cells), sum(map(sum, cells))
+    assert (" of " in told) == (compared < held or len(cells) < settings)
+    assert told.startswith("no regression")
+    assert "not one score changed" in told
+    if compared < held:
+        both = {(common, common + old + new) for common, old, new in cells}
+        share = "{} of {} routes".format(*both.pop()) if len(both) == 1 else f"{compared} of {held} scores"
+        assert f" on {share} in " in told
+    if len(cells) < settings:
+        assert f" in {len(cells)} of {settings} settings" in told
 
 
 def test_many_flips_are_cut_and_the_others_named() -> None:

@@ -7,6 +7,7 @@ import pytest
 from result_factory import infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
@@ -51,6 +52,36 @@ def test_the_message_has_value_limit_interval_summaries_worst_routes_and_replay(
     assert lines[6].split() == ["clean", "100.0", "completed"]
     assert lines[7].startswith("    perturbed   12.0  collision with vehicle at 1.5 s")
     assert lines[-1] == ('  replay:  drive-robust replay 501 --agent driver --setting "200 ms latency" --seed 0')
+
+
+def test_value_and_limit_are_not_rounded_into_agreement():
+    perturbed = [replace(scored("1", 100.0, setting=str(LATENCY)), route_completion_pct=69.97)]
+    first = text_of(requirement("RD", LATENCY) <= 0.30, [scored("1", 100.0)], perturbed).partition("\n")[0]
+    assert first.startswith("RD under 200 ms latency = 0.3003, limit <= 0.30   (")
+    first = text_of(requirement("DS", LATENCY) >= 69.971, [], perturbed).partition("\n")[0]
+    assert first.startswith("DS under 200 ms latency = 69.97, limit >= 69.971   (")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "told"),
+    [
+        (requirement("DS") >= 5, "neither DS < 5 nor DS > 2.5 is shown"),
+        (requirement("DS") >= 60, "neither DS < 60 nor DS > 50 is shown"),
+        (requirement("SR") >= 0.05, "neither SR < 0.05 nor SR > 0.025 is shown"),
+        (requirement("RD", LATENCY) <= 0.90, "neither RD > 0.90 nor RD < 0.95 is shown"),
+        (requirement("RD", LATENCY) <= 0.30, "neither RD > 0.30 nor RD < 0.40 is shown"),
+    ],
+    ids=str,
+)
+def test_the_margin_that_is_told_is_the_one_that_is_judged(wanted, told):
+    clean = [scored(str(number), 100.0) for number in range(20)]
+    perturbed = [scored(str(number), 100.0, setting=str(wanted.setting)) for number in range(20)]
+    rule = VerdictRule("evidence")
+    verdict = evaluate(
+        wanted, agent="driver", clean=clean, perturbed=perturbed, verdict_rule=rule, decision="inconclusive"
+    )
+    assert told in failure_text(verdict, RunOptions(), routes_spec="dev10", privileged=False)
+    assert verdict.margin == pytest.approx(abs(float(told.split()[-3]) - wanted.limit))
 
 
 def test_an_absolute_requirement_needs_no_clean_column():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from pytest_drive_robust.options.run import RunOptions
@@ -39,6 +40,11 @@ def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:
     row = r"| RD under wild \| failure &lt;b&gt; | star\* | 0.34 | 0.20 to 0.50 | 14 of 220 | inconclusive |"
     assert row in lines
     assert r"- RD under wild \| failure &lt;b&gt;: neither the one \| nor the other" in lines
+
+
+def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
+    close = replace(WILD, requirement="RD under wild <= 0.30", value=0.3003)
+    assert "| RD under wild &lt;= 0.30 | star\\* | 0.3003 |" in step_summary(run_of(close))
 
 
 def test_a_run_that_asked_for_nothing_writes_nothing(tmp_path: Path) -> None:

@@ -6,9 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from result_factory import make_result, trace_of
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
@@ -31,6 +34,29 @@ def test_the_object_form_is_the_parsed_sentence() -> None:
     assert built == parse_requirement("RD under 200 ms latency <= 0.30")
     assert hash(built) == hash(parse_requirement("RD under 200 ms latency <= 0.30"))
     assert str(built) == "RD under 200 ms latency <= 0.30"
+
+
+@given(st.sampled_from(["RD", "DS", "SR"]), st.sampled_from(["<=", ">="]), st.floats(0.01, 0.99), st.floats(0.01, 0.99))
+def test_the_margin_is_what_the_judges_read(metric: str, comparison: str, share: float, margin: float) -> None:
+    """A score at the lenient limit has no slack, and any agent can be better or worse than it."""
+    top = 100.0 if metric == "DS" else 1.0
+    wanted = Requirement(metric, LATE, comparison, share * top)
+    rule = VerdictRule("evidence", margin=margin)
+    lenient = wanted.lenient_limit(rule)
+    score = 100.0 * (1.0 - lenient) if metric == "RD" else lenient
+    assert wanted.linear_forms(rule).slack(score, 100.0 if metric == "RD" else 0.0) == pytest.approx(0.0, abs=1e-8)
+    assert wanted.margin(rule) == pytest.approx(abs(lenient - wanted.limit))
+    assert wanted.margin(rule) <= margin * top + 1e-9
+    best_is_high = comparison == ">="
+    assert lenient < wanted.limit if best_is_high else lenient > wanted.limit
+    if metric != "RD" or comparison == "<=":
+        assert 0.0 < lenient < top
+
+
+def test_a_margin_that_is_not_cut_is_the_one_of_the_rule() -> None:
+    assert (requirement("RD", LATE) <= 0.30).margin(VerdictRule()) == 0.1
+    assert (requirement("DS") >= 60).margin(VerdictRule()) == 10.0
+    assert (requirement("DS") >= 5).margin(VerdictRule()) == 2.5
 
 
 def test_stacks_and_clean_have_an_object_form_too() -> None:

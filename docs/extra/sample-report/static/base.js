@@ -82,6 +82,19 @@ const driveRobust = (() => {
   function shown(metric, value) {
     return fixed(value, decimalsOf(metric));
   }
+  /* A value where its limit stands beside it: with as many more decimals as tell the two apart. */
+  function shownBeside(metric, value, limit) {
+    if (value === null || value === undefined) return fixed(value, 0);
+    const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
+    let decimals = decimalsOf(metric);
+    while (decimals < 9 && side(Number(value.toFixed(decimals))) !== side(value)) decimals += 1;
+    return fixed(value, decimals);
+  }
+  /* A limit as its requirement states it. */
+  function shownLimit(metric, limit) {
+    const decimals = ["RD", "SR"].includes(metric) ? 2 : 0;
+    return Number(limit.toFixed(decimals)) === limit ? fixed(limit, decimals) : String(limit).replace("-", MINUS);
+  }
   function signed(value, decimals) {
     return value > 0 ? `+${fixed(value, decimals)}` : fixed(value, decimals);
   }
@@ -123,7 +136,7 @@ const driveRobust = (() => {
   }
 
   return {
-    give, load, given, views, h, link, place, keep, fixed, shown, signed, between, seconds, duration, counted, badge,
+    give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, badge,
     decimalsOf, tell, scroller, VERDICTS,
   };
 })();

@@ -11,7 +11,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, shown, between, duration, counted, badge, scroller } = driveRobust;
+  const { h, link, shown, shownBeside, between, duration, counted, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -65,7 +65,7 @@ driveRobust.views.set("", (() => {
         h("td", {}, badge(item.verdict)),
         h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item))),
         h("td", { class: "who" }, item.agent),
-        h("td", { class: "number" }, shown(item.metric, item.value)),
+        h("td", { class: "number" }, shownBeside(item.metric, item.value, item.limit)),
         h("td", { class: "drawn" }, driveRobust.charts.bullet(item)),
         h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013"))))));
   }

@@ -1,7 +1,7 @@
 "use strict";
 /* One requirement: limit, value, interval, how the evidence grew, the routes behind it. */
 driveRobust.views.set("requirement", (() => {
-  const { h, link, shown, between, counted, badge, seconds, fixed, scroller } = driveRobust;
+  const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, scroller } = driveRobust;
   const RULES = { evidence: "judged by evidence, route by route", list: "judged on this list of routes", point: "the value compared with the limit" };
 
   function render([agent, sentence], query) {
@@ -29,7 +29,7 @@ driveRobust.views.set("requirement", (() => {
     if (item.value === null) return "It could not be judged.";
     const interval = between(item.metric, item.low, item.high);
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
-    return `${item.metric} is ${shown(item.metric, item.value)}${interval ? `, on routes like these ${interval}` : ""}; the limit is ${item.comparison} ${shown(item.metric, item.limit)}. ${routes}, ${RULES[item.rule] || ""}.`;
+    return `${item.metric} is ${shownBeside(item.metric, item.value, item.limit)}${interval ? `, on routes like these ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}, ${RULES[item.rule] || ""}.`;
   }
 
   function growthWords(item) {

@@ -1,7 +1,7 @@
 "use strict";
 /* Small plots as SVG: an interval against a limit, evidence route by route, clean against perturbed. */
 driveRobust.charts = (() => {
-  const { h, shown, between, counted } = driveRobust;
+  const { h, shown, shownBeside, shownLimit, between, counted } = driveRobust;
 
   /* Return [low, high] of an axis that shows all values, with some air. */
   function extent(values, metric) {
@@ -29,7 +29,7 @@ driveRobust.charts = (() => {
     const [low, high] = extent([item.value, item.low, item.high, item.limit], item.metric);
     const [width, height] = [150, 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
-    const words = `${item.metric} ${shown(item.metric, item.value)}, interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shown(item.metric, item.limit)}`;
+    const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
@@ -54,7 +54,7 @@ driveRobust.charts = (() => {
     const last = points[points.length - 1][0];
     const x = (count) => margin.left + (last > 1 ? (count - 1) / (last - 1) : 0.5) * (width - margin.left - margin.right);
     const y = (value) => margin.top + (1 - (Math.min(Math.max(value, low), high) - low) / (high - low)) * (height - margin.top - margin.bottom);
-    const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shown(item.metric, item.limit)}`;
+    const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shownLimit(item.metric, item.limit)}`;
     const svg = frame(width, height, margin, label);
     for (const value of ticks(low, high, 5)) {
       svg.append(h("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: y(value), y2: y(value) }),
@@ -77,7 +77,7 @@ driveRobust.charts = (() => {
       svg.append(h("line", { class: "lenient", x1: margin.left, x2: width - margin.right, y1: y(item.lenient), y2: y(item.lenient) }),
         h("text", { class: "note", x: width - margin.right, y: y(item.lenient) + (item.comparison === "<=" ? -5 : 15), "text-anchor": "end" }, "limit and margin"));
     }
-    svg.append(h("text", { class: "note strong", x: width - margin.right, y: y(item.limit) + (item.comparison === "<=" ? 15 : -5), "text-anchor": "end" }, `limit ${shown(item.metric, item.limit)}`),
+    svg.append(h("text", { class: "note strong", x: width - margin.right, y: y(item.limit) + (item.comparison === "<=" ? 15 : -5), "text-anchor": "end" }, `limit ${shownLimit(item.metric, item.limit)}`),
       h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
     for (const point of points) {
       svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },

@@ -230,3 +230,13 @@ def test_what_a_part_that_died_had_before_it_is_not_known(tmp_path: Path) -> Non
     results = read_results(tmp_path)
     assert results.planned is None
     assert [path.name for path in results.skipped] == ["eval_2.json"]
+    assert [(file.path.name, file.planned) for file in results.unfinished] == [("eval_2.json", None)]
+
+
+def test_a_file_that_holds_fewer_than_planned_is_unfinished_whatever_lies_beside_it(tmp_path: Path) -> None:
+    write(tmp_path / "eval_0.json", document(record("0"), record("0", repetition=1), planned=2))
+    write(tmp_path / "eval_1.json", document(record("1"), record("1"), planned=2))
+    write(tmp_path / "notes.json", {"by": "us"})
+    results = read_results(tmp_path)
+    (file,) = results.unfinished
+    assert (file.path.name, file.held, file.planned) == ("eval_1.json", 1, 2)

@@ -205,6 +205,18 @@ def test_the_limit_and_the_margin_are_those_of_the_rule(tmp_path):
     assert 60.0 - item["lenient"] == pytest.approx(parse_requirement(judged.requirement).margin(rule))
 
 
+@pytest.mark.parametrize(
+    ("metric", "comparison", "limit", "lenient"),
+    [("DS", ">=", 5.0, 2.5), ("SR", ">=", 0.05, 0.025), ("RD", "<=", 0.9, 0.95), ("RD", "<=", 0.3, 0.4)],
+)
+def test_the_margin_of_a_page_ends_within_the_range(tmp_path, metric, comparison, limit, lenient):
+    judged = Judged("t", "a sentence", "driver", "one-per-scenario", (0,), metric, SETTING, comparison, limit,
+                    "inconclusive", limit, routes=1, planned=44, rule="evidence")  # fmt: skip
+    write_pages(tmp_path, records(make_result("101"), make_result("101", setting=SETTING), judged=[judged]))
+    (item,) = data_of(tmp_path)["requirements"]
+    assert item["lenient"] == lenient
+
+
 def test_the_road_of_a_route_that_is_not_there_any_more_is_missing_and_nothing_else(tmp_path):
     write_pages(tmp_path, records(make_result("no such route"), spec="gone.xml"))
     assert data_of(tmp_path, "route-0")["maps"] == {}
