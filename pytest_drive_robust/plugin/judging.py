@@ -37,6 +37,10 @@ INCONCLUSIVE = "drive_inconclusive"
 class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """A requirement that does not hold: the test fails with our message and no traceback."""
 
+    def __init__(self, text: str, verdict: Verdict) -> None:
+        super().__init__(text, pytrace=False)
+        self.verdict = verdict
+
 
 _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
 """What may be raised where a number is asked for."""
@@ -44,6 +48,10 @@ _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
 
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+
+
+NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
+"""In `item.stash`: why the test could not be judged when it asked last, None where it could."""
 
 
 class Estimate(float):
@@ -219,7 +227,9 @@ class Drive:
             yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
-            raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
+            told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
+            self._item.stash[NOT_JUDGED_ERROR] = told
+            raise told from None
 
     def _record(self, judgement: Judgement) -> None:
         """Note plain finite Python numbers: nothing else travels from a worker and is read from a JUnit file."""
@@ -244,7 +254,7 @@ class Drive:
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
         reach = self._reach(judgement.verdict.requirement)
-        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, pytrace=False)
+        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, judgement.verdict)
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
@@ -296,6 +306,11 @@ class DriveContext(NamedTuple):
     def drive_for(self, item: pytest.Item) -> Drive:
         """Return what judges requirements for the agent, routes, seeds, rule and reading of a test."""
         return Drive(self, item)
+
+
+def is_open(report: pytest.TestReport) -> bool:
+    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
+    return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:

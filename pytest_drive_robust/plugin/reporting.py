@@ -7,7 +7,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
-from pytest_drive_robust.plugin.judging import INCONCLUSIVE
+from pytest_drive_robust.plugin.judging import is_open
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
@@ -26,6 +26,7 @@ class ReportingPlugin:
         self._outputs = outputs
         self._header = header
         self._ran = False
+        self._broke = False
 
     def pytest_report_header(self) -> str:
         """Return the effective options, in one line."""
@@ -41,11 +42,15 @@ class ReportingPlugin:
         self, report: pytest.TestReport
     ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
         """Count what could not be judged as an error of the test; an open verdict is neither dot nor F."""
-        if getattr(report, NOT_JUDGED, False):
+        if report.failed and getattr(report, NOT_JUDGED, False):  # a plugin that runs it again calls it otherwise
             return "error", "E", ("ERROR", {"red": True})
-        if report.when == "call" and report.passed and any(name == INCONCLUSIVE for name, _ in report.user_properties):
+        if report.when == "call" and report.passed and is_open(report):
             return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
         return None
+
+    def pytest_internalerror(self) -> None:
+        """Note that pytest itself broke; of that in a worker, pytest-xdist may lose a test and end with 0."""
+        self._broke = True
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -56,6 +61,8 @@ class ReportingPlugin:
             problem = self._outputs.finish(whole=every_test_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        if self._broke and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""

@@ -19,13 +19,34 @@ reason = "new planner"
 expires = {expires}
 """
 
+TEST_CASE = f"""
+import unittest
+import pytest
+from pytest_drive_robust import requirements
+
+STATED = requirements("{RED}\\n{GREEN}")
+
+class TestOld(unittest.TestCase):
+    @pytest.fixture(autouse=True)
+    def _drive(self, drive):
+        self.drive = drive
+
+    def test_whole(self):
+        self.drive.check(STATED[0])
+
+    def test_parts(self):
+        for stated in STATED:
+            with self.subTest(str(stated)):
+                self.drive.check(stated)
+"""
+
 processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 @pytest.fixture
 def waived(suite):
-    def write(*sentences, requirement=RED, agent="steady", expires="2999-01-01"):
-        folder = suite(*sentences)
+    def write(*sentences, test=None, requirement=RED, agent="steady", expires="2999-01-01"):
+        folder = suite(*sentences, test=test)
         (folder.path / "suites").mkdir()
         text = WAIVER.format(requirement=requirement, agent=agent, expires=expires)
         (folder.path / "suites" / "waivers.toml").write_text(text)
@@ -63,6 +84,21 @@ def test_after_its_date_it_is_red_and_says_that_the_waiver_has_expired(waived, w
             "waiver expired, 1 failing: *",
         ]
     )
+
+
+@processes
+def test_a_test_of_unittest_is_waived_too(waived, workers):
+    result = run(waived(test=TEST_CASE), *workers)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines("XFAIL *::TestOld::test_whole - waived by kim until 2999-01-01: new planner")
+    result.stdout.no_fnmatch_line("*FAILED*")
+
+
+def test_a_test_of_unittest_names_a_waiver_that_has_expired(waived):
+    result = run(waived(test=TEST_CASE, expires="2001-01-01"))
+    assert result.ret == 1
+    expired = "  the waiver has expired: waived by kim until 2001-01-01: new planner"
+    result.stdout.fnmatch_lines(["*TestOld.test_whole*", expired])
 
 
 @pytest.mark.parametrize(("today", "code"), [("2026-12-14", 0), ("2026-12-15", 0), ("2026-12-16", 1)])
