@@ -1,4 +1,4 @@
-"""Tests that are expected to fail: of that the agent is guilty, not a simulator that breaks or a verdict that is open."""
+"""Tests that are expected to fail: the agent is, not the simulator, and an open verdict is neither pass nor fail."""
 
 from __future__ import annotations
 

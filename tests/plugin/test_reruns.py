@@ -83,6 +83,6 @@ def pytest_runtest_logreport(report):
     result = folder.runpytest_inprocess(*args)
     assert result.ret == 1
     assert result.parseoutcomes() == {"errors": 1, "rerun": 1}
-    assert driven() == sorted(["1 0", "2 0", "3 0"] * 3), "what breaks is driven three times, and then never by this run"
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 3), "what breaks is driven thrice and never again by this run"
     assert folder.runpytest_inprocess(*args).ret == 0
     assert driven() == sorted(["1 0", "2 0", "3 0"] * 4)

@@ -27,6 +27,14 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
     assert driven() == []
 
 
+@pytest.mark.parametrize("name", ["xdist", "xdist.plugin"])
+def test_workers_report_usage_errors_by_whatever_name_xdist_is_loaded(suite, monkeypatch, name):
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    folder = suite(GREEN)
+    output = refused(folder, "-p", "pytest_drive_robust.plugin", "-p", name, "-n1", "--drive-agent", "stedy")
+    assert "there is no agent named 'stedy'. Did you mean 'steady'?" in output
+
+
 @pytest.mark.parametrize(
     ("agent", "message"),
     [
