@@ -15,6 +15,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.parsers import routes_from_root
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
@@ -314,8 +315,12 @@ def is_open(report: pytest.TestReport) -> bool:
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:
-    """Return what the markers of a test say. Raises `UsageError`."""
-    return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
+    """Return what the markers of a test say; a route file starts from the root folder. Raises `UsageError`."""
+    marker, config = MarkerOptions.from_marks(item.iter_markers("drive_robust")), item.config
+    if marker.routes is None:
+        return marker
+    # told from where pytest was called, wherever a test has gone since: they are the routes that were planned
+    return replace(marker, routes=routes_from_root(marker.routes, config.rootpath, config.invocation_params.dir))
 
 
 def _require_requirement(call: str, given: object) -> None:
