@@ -7,7 +7,13 @@ from enum import Enum
 
 import pytest
 
-from pytest_drive_robust.plugin.judging import NOT_JUDGED_ERROR, BrokenRequirementError, NotJudgedError, is_open
+from pytest_drive_robust.plugin.judging import (
+    NOT_JUDGED_ERROR,
+    ONE_AT_A_TIME,
+    BrokenRequirementError,
+    NotJudgedError,
+    is_open,
+)
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
@@ -67,7 +73,8 @@ class DrivingPlugin:
 
     def pytest_runtest_logfinish(self) -> None:
         """Store what ended meanwhile: the next test may be long and drive nothing, and another worker may wait."""
-        self._campaign.scheduler.collect()
+        with ONE_AT_A_TIME:  # a thread of the test may be there still
+            self._campaign.scheduler.collect()
 
     def pytest_keyboard_interrupt(self) -> None:
         """Cut off what is under way: a worker of pytest-xdist whose controller was killed hears of it like this.

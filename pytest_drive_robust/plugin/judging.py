@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -43,6 +44,8 @@ class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-define
         self.verdict = verdict
 
 
+ONE_AT_A_TIME = threading.RLock()
+"""Held by whatever asks for episodes: a test may do so from several threads, the campaign answers one at a time."""
 _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
 """What may be raised where a number is asked for."""
 
@@ -86,7 +89,8 @@ class Estimate(float):
 class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
 
-    Episodes are driven when they are first asked for; every test of the run shares them. Raises `UsageError` for a
+    Episodes are driven when they are first asked for; every test of the run shares them. Threads of a test may ask, and
+    are answered one after the other. Raises `UsageError` for a
     marker of the test `item` that cannot be used.
     """
 
@@ -225,7 +229,8 @@ class Drive:
     def _errors_of(self, what: str) -> Iterator[None]:
         __tracebackhide__ = True
         try:
-            yield
+            with ONE_AT_A_TIME:
+                yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
             told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
@@ -282,12 +287,13 @@ class Drive:
         if not isinstance(requirement, MarginRequirement):
             return ""
         try:
-            found = self._largest(
-                requirement.perturbation,
-                metric=requirement.metric.name,
-                limit=requirement.limit,
-                comparison=requirement.comparison,
-            )
+            with ONE_AT_A_TIME:
+                found = self._largest(
+                    requirement.perturbation,
+                    metric=requirement.metric.name,
+                    limit=requirement.limit,
+                    comparison=requirement.comparison,
+                )
         except _UNJUDGED as error:  # the verdict stands all the same
             return f"\n  how far the agent gets is not known: {error}"
         return f"\n  {found}"
@@ -305,8 +311,14 @@ class DriveContext(NamedTuple):
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:
-        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test."""
-        return Drive(self, item)
+        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test.
+
+        Raises `NotJudgedError` for a marker that cannot be used, which tests that name the fixture are refused for.
+        """
+        try:
+            return Drive(self, item)
+        except UsageError as error:
+            raise NotJudgedError(legible(f"ERROR: not judged: {item.name}\n{error}"), pytrace=False) from None
 
 
 def is_open(report: pytest.TestReport) -> bool:

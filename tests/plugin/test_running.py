@@ -165,6 +165,35 @@ def test_files_to_write_that_the_ini_file_names_start_from_the_root_folder(suite
         assert (folder.path / name).is_file(), name
 
 
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_threads_of_a_test_may_ask_at_the_same_time(suite, driven, executor):
+    test = """
+from concurrent.futures import ThreadPoolExecutor
+from pytest_drive_robust import requirements
+
+STATED = requirements('''
+DS under clean >= 60
+DS under throttle 0.3 >= 60
+DS under throttle 0.7 >= 10
+RD under throttle 0.2 <= 0.9
+latency margin >= 100 ms (DS >= 100)
+''')
+
+def test_it(drive):
+    with ThreadPoolExecutor(5) as pool:
+        asked = [pool.submit(drive.check, stated) for stated in STATED]
+        measured = pool.submit(drive.ds, STATED[1].setting)
+    assert [type(one.exception()).__name__ for one in asked] == [
+        "NoneType", "BrokenRequirementError", "NoneType", "NoneType", "NoneType"
+    ]
+    assert 35 < measured.result() < 36
+"""
+    result = run(suite(test=test), "--drive-executor", executor)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 5)
+
+
 @processes
 def test_collect_only_drives_nothing_and_is_green(suite, driven, workers):
     result = run(suite(GREEN), "--collect-only", "-q", *workers)
