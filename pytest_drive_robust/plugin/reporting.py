@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
+from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import is_open
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
@@ -15,6 +18,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, 
 
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
+_WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")
 
 
@@ -27,6 +31,7 @@ class ReportingPlugin:
         self._header = header
         self._ran = False
         self._broke = False
+        self._deselected = False
 
     def pytest_report_header(self) -> str:
         """Return the effective options, in one line."""
@@ -36,6 +41,15 @@ class ReportingPlugin:
     def pytest_runtestloop(self) -> None:
         """Note that tests are about to run; --fixtures, --markers and the like never come here."""
         self._ran = not any(self._config.getoption(name, False) for name in _DRIVES_NOTHING)
+
+    def pytest_deselected(self) -> None:
+        """Note that tests were left out, as pytest-split and a conftest.py do it without an option of pytest."""
+        self._deselected = True
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Note that tests were left out in a worker that ended (a hook of pytest-xdist)."""
+        self._deselected |= (getattr(node, "workeroutput", None) or {}).get(DESELECTED, False)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
@@ -58,7 +72,7 @@ class ReportingPlugin:
         if self._ran and not problems_of(self._config):
             if session.exitstatus == pytest.ExitCode.INTERRUPTED:
                 self._outputs.note(_INTERRUPTED)
-            problem = self._outputs.finish(whole=every_test_ran(session))
+            problem = self._outputs.finish(whole=not self._deselected and every_test_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:
@@ -76,14 +90,14 @@ class ReportingPlugin:
 
 
 def every_test_ran(session: pytest.Session) -> bool:
-    """Return True when the tests of the whole root folder, or of its `suites`, were selected and all ran.
+    """Return True when the tests of the whole root folder, its `suites` or `robustness`, were selected and all ran.
 
     Only then does a requirement that was not judged say something.
     """
     config = session.config
     narrowed = any(config.getoption(name, None) for name in _NARROWING)
     stopped = session.shouldstop or session.shouldfail or session.exitstatus not in (0, 1)
-    wide = {config.rootpath, config.rootpath / "suites"}
+    wide = {config.rootpath / folder for folder in _WHOLE}
     places = {(config.invocation_params.dir / place).resolve() for place in config.args}
     return bool(wide & places) and not narrowed and not stopped
 

@@ -111,6 +111,23 @@ def test_a_bad_marker_is_refused_at_collection(suite, driven, marker, message):
     assert driven() == []
 
 
+def test_a_bad_marker_of_a_test_that_asks_for_the_fixture_itself_is_an_error_without_our_traceback(suite):
+    test = """
+import pytest
+
+@pytest.mark.drive_robust(agent="stedy")
+def test_it(request):
+    request.getfixturevalue("drive")
+"""
+    result = suite(GREEN, test=test).runpytest_inprocess("--drive-robust")
+    assert result.ret == 1
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(
+        ["ERROR: not judged: test_it", "there is no agent named 'stedy'. Did you mean 'steady'?*"]
+    )
+    result.stdout.no_fnmatch_line("*pytest_drive_robust/*")
+
+
 def test_all_problems_are_named_at_once(suite):
     test = """
 import pytest

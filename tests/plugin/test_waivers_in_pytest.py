@@ -141,6 +141,27 @@ def test_a_waiver_that_matches_nothing_is_a_warning_unless_tests_were_left_out(w
     selected.stdout.no_fnmatch_line("warning: *waiver*")
 
 
+def test_a_waiver_that_matches_nothing_is_told_where_drive_robust_init_writes_its_suite(waived):
+    folder = waived(GREEN, requirement="RD under throttle 0.4 <= 0.30")
+    (folder.mkdir("robustness") / "test_robustness.py").write_text((folder.path / "test_suite.py").read_text())
+    run(folder, "robustness").stdout.fnmatch_lines(["warning: *waiver*: RD under throttle 0.4 <= 0.30 *"])
+
+
+@processes
+def test_a_plugin_that_leaves_tests_out_leaves_out_the_warning(waived, workers):
+    folder = waived(GREEN, RED, requirement="RD under throttle 0.4 <= 0.30")
+    with (folder.path / "conftest.py").open("a") as conftest:
+        conftest.write("""
+
+def pytest_collection_modifyitems(config, items):
+    config.hook.pytest_deselected(items=items[1:])
+    del items[1:]
+""")
+    result = run(folder, *workers)
+    assert result.ret == 0
+    result.stdout.no_fnmatch_line("warning: *waiver*")
+
+
 def test_an_error_is_not_waived(waived):
     result = run(waived(RED), "--drive-sim", "broken")
     assert result.ret == 1
