@@ -93,7 +93,7 @@ def gigabytes(given: GivenText) -> int | None:
 
 def writable_file(given: GivenText) -> Path | None:
     """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
-    if given.text and Path(given.text).is_dir():
+    if given.text and (start_folder(given) / given.text).is_dir():
         example = f"{given.text}/run{given.flag.replace('--drive-', '.')}"
         raise UsageError(f"{given.flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
     return writable_folder(given)
@@ -106,7 +106,7 @@ def writable_folder(given: GivenText) -> Path | None:
     """
     if not given.text:
         return None
-    path = Path(given.text).absolute()
+    path = (start_folder(given) / given.text).absolute()
     if not path.parent.is_dir():
         missing, similar = str(path.parent), _similar(path.parent)
         raise UsageError(f"{given.flag} is {given.text!r}, but there is no directory {missing!r}.{similar}")
@@ -126,15 +126,24 @@ def start_folder(given: GivenText) -> Path:
 
 def route_set(given: GivenText) -> str:
     """Return the routes as they were said; a file that the ini file names by a path from the root, by one from here."""
-    found = re.fullmatch(r"(?P<file>.+\.xml)(?P<ids>:.*)?", given.text.strip())
-    if (
-        found is None
-        or given.source is None
-        or asked_for(given.flag, given.source)
-        or Path(found["file"]).is_absolute()
-    ):
+    if given.source is None or asked_for(given.flag, given.source):
         return given.text
-    return os.path.relpath(given.source.rootpath / found["file"]) + (found["ids"] or "")
+    return routes_from_root(given.text, given.source.rootpath, Path.cwd())
+
+
+def routes_from_root(text: str, root: Path, here: Path) -> str:
+    """Return routes that are said in a file of the project; a path from its root becomes one from the folder `here`."""
+    found = re.fullmatch(r"(?P<file>.+\.xml)(?P<ids>:.*)?", text.strip())
+    if found is None or Path(found["file"]).is_absolute():
+        return text
+    return os.path.relpath(root / found["file"], here) + (found["ids"] or "")
+
+
+def existing_folder(given: GivenText) -> str:
+    """Return a folder as it was said, one that the ini file names by its whole path; whoever uses it looks into it."""
+    if not given.text or given.source is None or asked_for(given.flag, given.source):
+        return given.text
+    return str(start_folder(given) / given.text)
 
 
 def store_folder(given: GivenText) -> str:

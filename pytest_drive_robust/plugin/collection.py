@@ -18,6 +18,9 @@ from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, VerdictPlan
 from pytest_drive_robust.store.events import Advised, NamesRegistered
 from pytest_drive_robust.verdict.requirement import by_evidence
 
+DESELECTED = "drive_robust_deselected"
+"""In what a worker of pytest-xdist hands over at its end: tests were left out of its collection."""
+
 
 class CollectionPlugin:
     """In every process that runs tests: plans the episodes of the selected tests.
@@ -32,6 +35,12 @@ class CollectionPlugin:
         self._advice_on_scopes: list[str] = []
         self._scopes: dict[tuple[str, str], Scope] = {}
         self._judged_by_evidence = 0
+
+    def pytest_deselected(self, items: list[pytest.Item]) -> None:
+        """Tell the controller that tests were left out, where another process than this one reports."""
+        for item in items[:1]:
+            if is_worker(item.config):
+                item.config.workeroutput[DESELECTED] = True  # type: ignore[attr-defined]
 
     @pytest.hookimpl(tryfirst=True)  # and registered later than plugin.hooks, so called before its refusal
     def pytest_collection_finish(self, session: pytest.Session) -> None:

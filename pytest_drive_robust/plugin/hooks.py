@@ -24,6 +24,11 @@ _MARKER_LINE = (
     "command line says."
 )
 
+_REGISTRY = "pytest_drive_robust.registry.registry"
+_SESSIONS: list[pytest.Config] = []
+"""The sessions under way in this process, each inside the one before it, as pytester runs them."""
+_OUTER_NAMES = pytest.StashKey[int]()
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
@@ -48,6 +53,7 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
     config.addinivalue_line("markers", _MARKER_LINE)
+    _hide_names_of_outer(config)
     try:
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
@@ -62,15 +68,17 @@ def pytest_configure(config: pytest.Config) -> None:
 
         raise_as_pytests(error)
         raise
-    if config.pluginmanager.hasplugin("xdist"):
+    if hasattr(config, "workerinput") or config.getoption("dist", "no") != "no":  # pytest-xdist, by whatever name
         _carry_problems(config)
 
 
-def pytest_unconfigure() -> None:
+def pytest_unconfigure(config: pytest.Config) -> None:
     """Forget the names that this session's conftest files registered."""
-    registry = sys.modules.get("pytest_drive_robust.registry.registry")
-    if registry is not None:
-        registry.default_registry.cache_clear()
+    registry = sys.modules.get(_REGISTRY)
+    if config in _SESSIONS:
+        _SESSIONS.remove(config)
+        if registry is not None:
+            registry.forget_names(config.stash.get(_OUTER_NAMES, 0))
 
 
 def pytest_make_parametrize_id(val: object) -> str | None:
@@ -115,6 +123,14 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     usage_errors = sys.modules.get("pytest_drive_robust.plugin.usage_errors")  # not loaded: nothing is wrong
     if usage_errors is not None:
         usage_errors.refuse_problems(session)
+
+
+def _hide_names_of_outer(config: pytest.Config) -> None:
+    """Begin without the names of the session that this one runs in, which has them back afterwards."""
+    registry = sys.modules.get(_REGISTRY)  # not loaded: there are none
+    if _SESSIONS and registry is not None:
+        config.stash[_OUTER_NAMES] = registry.hide_names()
+    _SESSIONS.append(config)
 
 
 class _LazyRegistry:

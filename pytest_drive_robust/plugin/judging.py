@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,6 +16,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.options.parsers import routes_from_root
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
@@ -37,13 +39,23 @@ INCONCLUSIVE = "drive_inconclusive"
 class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """A requirement that does not hold: the test fails with our message and no traceback."""
 
+    def __init__(self, text: str, verdict: Verdict) -> None:
+        super().__init__(text, pytrace=False)
+        self.verdict = verdict
 
+
+ONE_AT_A_TIME = threading.RLock()
+"""Held by whatever asks for episodes: a test may do so from several threads, the campaign answers one at a time."""
 _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
 """What may be raised where a number is asked for."""
 
 
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
     """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+
+
+NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
+"""In `item.stash`: why the test could not be judged when it asked last, None where it could."""
 
 
 class Estimate(float):
@@ -77,7 +89,8 @@ class Estimate(float):
 class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
 
-    Episodes are driven when they are first asked for; every test of the run shares them. Raises `UsageError` for a
+    Episodes are driven when they are first asked for; every test of the run shares them. Threads of a test may ask, and
+    are answered one after the other. Raises `UsageError` for a
     marker of the test `item` that cannot be used.
     """
 
@@ -216,10 +229,13 @@ class Drive:
     def _errors_of(self, what: str) -> Iterator[None]:
         __tracebackhide__ = True
         try:
-            yield
+            with ONE_AT_A_TIME:
+                yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
-            raise NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False) from None
+            told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
+            self._item.stash[NOT_JUDGED_ERROR] = told
+            raise told from None
 
     def _record(self, judgement: Judgement) -> None:
         """Note plain finite Python numbers: nothing else travels from a worker and is read from a JUnit file."""
@@ -244,7 +260,7 @@ class Drive:
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
         reach = self._reach(judgement.verdict.requirement)
-        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, pytrace=False)
+        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, judgement.verdict)
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
@@ -271,12 +287,13 @@ class Drive:
         if not isinstance(requirement, MarginRequirement):
             return ""
         try:
-            found = self._largest(
-                requirement.perturbation,
-                metric=requirement.metric.name,
-                limit=requirement.limit,
-                comparison=requirement.comparison,
-            )
+            with ONE_AT_A_TIME:
+                found = self._largest(
+                    requirement.perturbation,
+                    metric=requirement.metric.name,
+                    limit=requirement.limit,
+                    comparison=requirement.comparison,
+                )
         except _UNJUDGED as error:  # the verdict stands all the same
             return f"\n  how far the agent gets is not known: {error}"
         return f"\n  {found}"
@@ -294,13 +311,28 @@ class DriveContext(NamedTuple):
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:
-        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test."""
-        return Drive(self, item)
+        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test.
+
+        Raises `NotJudgedError` for a marker that cannot be used, which tests that name the fixture are refused for.
+        """
+        try:
+            return Drive(self, item)
+        except UsageError as error:
+            raise NotJudgedError(legible(f"ERROR: not judged: {item.name}\n{error}"), pytrace=False) from None
+
+
+def is_open(report: pytest.TestReport) -> bool:
+    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
+    return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:
-    """Return what the markers of a test say. Raises `UsageError`."""
-    return MarkerOptions.from_marks(item.iter_markers("drive_robust"))
+    """Return what the markers of a test say; a route file starts from the root folder. Raises `UsageError`."""
+    marker, config = MarkerOptions.from_marks(item.iter_markers("drive_robust")), item.config
+    if marker.routes is None:
+        return marker
+    # told from where pytest was called, wherever a test has gone since: they are the routes that were planned
+    return replace(marker, routes=routes_from_root(marker.routes, config.rootpath, config.invocation_params.dir))
 
 
 def _require_requirement(call: str, given: object) -> None:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
+from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
-from pytest_drive_robust.plugin.judging import INCONCLUSIVE
+from pytest_drive_robust.plugin.judging import is_open
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
@@ -15,6 +18,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, 
 
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
+_WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")
 
 
@@ -26,6 +30,8 @@ class ReportingPlugin:
         self._outputs = outputs
         self._header = header
         self._ran = False
+        self._broke = False
+        self._deselected = False
 
     def pytest_report_header(self) -> str:
         """Return the effective options, in one line."""
@@ -36,16 +42,29 @@ class ReportingPlugin:
         """Note that tests are about to run; --fixtures, --markers and the like never come here."""
         self._ran = not any(self._config.getoption(name, False) for name in _DRIVES_NOTHING)
 
+    def pytest_deselected(self) -> None:
+        """Note that tests were left out, as pytest-split and a conftest.py do it without an option of pytest."""
+        self._deselected = True
+
+    @pytest.hookimpl(optionalhook=True)
+    def pytest_testnodedown(self, node: Any) -> None:
+        """Note that tests were left out in a worker that ended (a hook of pytest-xdist)."""
+        self._deselected |= (getattr(node, "workeroutput", None) or {}).get(DESELECTED, False)
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
         self, report: pytest.TestReport
     ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
         """Count what could not be judged as an error of the test; an open verdict is neither dot nor F."""
-        if getattr(report, NOT_JUDGED, False):
+        if report.failed and getattr(report, NOT_JUDGED, False):  # a plugin that runs it again calls it otherwise
             return "error", "E", ("ERROR", {"red": True})
-        if report.when == "call" and report.passed and any(name == INCONCLUSIVE for name, _ in report.user_properties):
+        if report.when == "call" and report.passed and is_open(report):
             return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
         return None
+
+    def pytest_internalerror(self) -> None:
+        """Note that pytest itself broke; of that in a worker, pytest-xdist may lose a test and end with 0."""
+        self._broke = True
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
@@ -53,9 +72,11 @@ class ReportingPlugin:
         if self._ran and not problems_of(self._config):
             if session.exitstatus == pytest.ExitCode.INTERRUPTED:
                 self._outputs.note(_INTERRUPTED)
-            problem = self._outputs.finish(whole=every_test_ran(session))
+            problem = self._outputs.finish(whole=not self._deselected and every_test_ran(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
+        if self._broke and session.exitstatus == pytest.ExitCode.OK:
+            session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""
@@ -69,14 +90,14 @@ class ReportingPlugin:
 
 
 def every_test_ran(session: pytest.Session) -> bool:
-    """Return True when the tests of the whole root folder, or of its `suites`, were selected and all ran.
+    """Return True when the tests of the whole root folder, its `suites` or `robustness`, were selected and all ran.
 
     Only then does a requirement that was not judged say something.
     """
     config = session.config
     narrowed = any(config.getoption(name, None) for name in _NARROWING)
     stopped = session.shouldstop or session.shouldfail or session.exitstatus not in (0, 1)
-    wide = {config.rootpath, config.rootpath / "suites"}
+    wide = {config.rootpath / folder for folder in _WHOLE}
     places = {(config.invocation_params.dir / place).resolve() for place in config.args}
     return bool(wide & places) and not narrowed and not stopped
 

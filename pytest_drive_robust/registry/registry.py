@@ -251,10 +251,26 @@ class Registry:
         return found
 
 
-@functools.cache
+_IN_USE: list[Registry] = []
+"""The registries of this process, each of a session inside that of the one before it; the last one is in use."""
+
+
 def default_registry() -> Registry:
     """Return the registry of this process: built-ins, entry points, and what hooks registered."""
-    return Registry()
+    if not _IN_USE:
+        _IN_USE.append(Registry())
+    return _IN_USE[-1]
+
+
+def hide_names() -> int:
+    """Go on with a registry in which no hook registered anything yet; return what `forget_names` brings back."""
+    _IN_USE.append(Registry())
+    return len(_IN_USE) - 1
+
+
+def forget_names(kept: int = 0) -> None:
+    """Forget what hooks registered, but for what `hide_names` hid when it returned `kept`."""
+    del _IN_USE[kept:]
 
 
 def _builtins(kind: str) -> list[Entry]:

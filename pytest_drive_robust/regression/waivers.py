@@ -114,7 +114,7 @@ class Waivers:
 def read_waivers(path: Path) -> tuple[Waiver, ...]:
     """Read the waivers of a file. Raises `UsageError` that names the file and the waiver for what is wrong in it."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a mark first
     except OSError as error:
         raise UsageError(f"the waivers {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:

@@ -43,8 +43,14 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
 
     `known` are the perturbations that sentences may use, every registered one by default. Raises one
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
-    expected and the nearest valid sentence; lines that say the same twice; a text without any requirement.
+    expected and the nearest valid sentence; lines that say the same twice; a text without any requirement. What is
+    neither text nor a path is refused so, too.
     """
+    if not isinstance(text, (str, Path)):
+        raise RequirementError(
+            f"requirements() was given a {type(text).__name__}. Expected a text with one sentence a line, as in "
+            f"requirements('{_EXAMPLE}'), or a file, as in requirements(Path('limits.txt'))."
+        )
     from_registry = known is None
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
@@ -66,17 +72,28 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
         where = path.name if path else "the requirements"
+        hint = "" if path else _meant_as_file(text)
         raise RequirementError(
-            "\n  ".join([f"{count} in {where}:", *problems]) + (_left_out() if from_registry else "")
+            "\n  ".join([f"{count} in {where}:", *problems]) + hint + (_left_out() if from_registry else "")
         )
     if not found:
         raise RequirementError(f"the text holds no requirement. Expected lines such as '{_EXAMPLE}'.")
     return [parsed for _, parsed in found.values()]
 
 
+def _meant_as_file(text: str) -> str:
+    """Return what to write where a text is the name of a file, else nothing."""
+    name = text.strip()
+    try:
+        is_file = Path(name).is_file()
+    except (OSError, ValueError):  # too long for a name, or with a null character
+        return ""
+    return f"\nThere is a file of that name: to read it, write requirements(Path({name!r}))." if is_file else ""
+
+
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors begin a file with a byte order mark
     except (OSError, ValueError) as error:
         raise RequirementError(f"the requirements in {str(path)!r} cannot be read: {error}.") from None
 

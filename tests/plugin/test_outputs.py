@@ -109,6 +109,47 @@ def test_junit_properties_are_plain_numbers(suite, workers):
 
 
 @processes
+def test_what_drive_measures_may_be_noted_as_a_property(suite, workers):
+    folder = suite(
+        test="""
+from pytest_drive_robust import requirements
+
+(WEAK,) = requirements("DS under throttle 0.3 >= 10")
+
+def test_it(drive, record_property):
+    measured = drive.ds(WEAK.setting)
+    record_property("ds", measured)
+    record_property("both", [measured, {"again": measured}])
+    record_property("outcome", drive.episodes(WEAK.setting)[0].outcome)
+    record_property("verdict", drive.check(WEAK))
+    record_property("number", 7)
+"""
+    )
+    result = run(folder, "--junitxml", "junit.xml", "-o", "junit_family=xunit1", *workers)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    result.stdout.no_fnmatch_line("*INTERNALERROR*")
+    (case,) = ElementTree.parse(folder.path / "junit.xml").iter("testcase")
+    noted = {item.get("name"): item.get("value") for item in case.iter("property")}
+    assert float(noted["ds"]) == pytest.approx(35.85, abs=0.1)
+    assert noted["both"] == f"[{noted['ds']}, {{'again': {noted['ds']}}}]"
+    assert noted["outcome"] == "failed"
+    assert noted["number"] == "7"
+
+
+def test_a_run_in_which_pytest_itself_broke_is_never_green(suite):
+    conftest = """
+def pytest_sessionfinish(session):
+    with pytest.raises(RuntimeError) as found:
+        raise RuntimeError("a worker broke")
+    session.config.hook.pytest_internalerror(excrepr=found.getrepr(), excinfo=found)
+"""
+    result = run(suite("DS under clean >= 90", conftest=conftest))
+    result.assert_outcomes(passed=1)
+    assert result.ret == pytest.ExitCode.INTERNAL_ERROR
+
+
+@processes
 def test_the_step_summary_is_appended_where_github_asks_for_it(suite, monkeypatch, workers):
     folder = suite(*SENTENCES)
     summary = folder.path / "summary.md"

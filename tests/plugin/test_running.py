@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from heeding_interrupts import heed_interrupts
@@ -125,6 +126,72 @@ def test_a_route_file_of_the_ini_file_starts_from_the_root_folder(suite, monkeyp
     result = run(folder, "..")
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(["drive-robust: * routes=3 (../routes.xml) *"])
+
+
+@processes
+def test_a_route_file_of_a_marker_starts_from_the_root_folder(suite, monkeypatch, driven, workers):
+    test = """
+import pytest
+from pytest_drive_robust import requirements
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+@pytest.mark.drive_robust(routes="routes.xml:1,2")
+def test_it(elsewhere, drive):
+    drive.check(requirements("DS under clean >= 90")[0])
+"""
+    folder = suite(test=test)
+    monkeypatch.chdir(folder.mkdir("below"))
+    result = run(folder, "..", "--drive-json", "run.json", *workers)
+    result.assert_outcomes(passed=1)
+    assert driven() == ["1 0", "2 0"]
+    requirement = json.loads((folder.path / "below" / "run.json").read_text())["requirements"][0]
+    assert requirement["routes_spec"] == "../routes.xml:1,2"
+
+
+def test_files_to_write_that_the_ini_file_names_start_from_the_root_folder(suite, monkeypatch):
+    folder = suite(GREEN)
+    folder.mkdir("out")
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write("drive_json = out/run.json\ndrive_csv = run.csv\ndrive_report = out/pages\n")
+    monkeypatch.chdir(folder.mkdir("below"))
+    run(folder, "..").assert_outcomes(passed=1)
+    assert not list(Path.cwd().iterdir())
+    run(folder, "..", "--drive-csv", "mine.csv").assert_outcomes(passed=1)
+    assert [path.name for path in Path.cwd().iterdir()] == ["mine.csv"]
+    for name in ("out/run.json", "run.csv", "out/pages/index.html"):
+        assert (folder.path / name).is_file(), name
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_threads_of_a_test_may_ask_at_the_same_time(suite, driven, executor):
+    test = """
+from concurrent.futures import ThreadPoolExecutor
+from pytest_drive_robust import requirements
+
+STATED = requirements('''
+DS under clean >= 60
+DS under throttle 0.3 >= 60
+DS under throttle 0.7 >= 10
+RD under throttle 0.2 <= 0.9
+latency margin >= 100 ms (DS >= 100)
+''')
+
+def test_it(drive):
+    with ThreadPoolExecutor(5) as pool:
+        asked = [pool.submit(drive.check, stated) for stated in STATED]
+        measured = pool.submit(drive.ds, STATED[1].setting)
+    assert [type(one.exception()).__name__ for one in asked] == [
+        "NoneType", "BrokenRequirementError", "NoneType", "NoneType", "NoneType"
+    ]
+    assert 35 < measured.result() < 36
+"""
+    result = run(suite(test=test), "--drive-executor", executor)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 5)
 
 
 @processes

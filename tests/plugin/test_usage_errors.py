@@ -27,6 +27,14 @@ def test_an_unknown_agent_is_named_with_the_nearest_one(suite, driven, workers):
     assert driven() == []
 
 
+@pytest.mark.parametrize("name", ["xdist", "xdist.plugin"])
+def test_workers_report_usage_errors_by_whatever_name_xdist_is_loaded(suite, monkeypatch, name):
+    monkeypatch.setenv("PYTEST_DISABLE_PLUGIN_AUTOLOAD", "1")
+    folder = suite(GREEN)
+    output = refused(folder, "-p", "pytest_drive_robust.plugin", "-p", name, "-n1", "--drive-agent", "stedy")
+    assert "there is no agent named 'stedy'. Did you mean 'steady'?" in output
+
+
 @pytest.mark.parametrize(
     ("agent", "message"),
     [
@@ -101,6 +109,23 @@ def test_a_bad_marker_is_refused_at_collection(suite, driven, marker, message):
     assert message in output
     assert "test_suite.py::test_it" in output
     assert driven() == []
+
+
+def test_a_bad_marker_of_a_test_that_asks_for_the_fixture_itself_is_an_error_without_our_traceback(suite):
+    test = """
+import pytest
+
+@pytest.mark.drive_robust(agent="stedy")
+def test_it(request):
+    request.getfixturevalue("drive")
+"""
+    result = suite(GREEN, test=test).runpytest_inprocess("--drive-robust")
+    assert result.ret == 1
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(
+        ["ERROR: not judged: test_it", "there is no agent named 'stedy'. Did you mean 'steady'?*"]
+    )
+    result.stdout.no_fnmatch_line("*pytest_drive_robust/*")
 
 
 def test_all_problems_are_named_at_once(suite):

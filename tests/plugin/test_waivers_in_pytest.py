@@ -21,13 +21,34 @@ reason = "new planner"
 expires = {expires}
 """
 
+TEST_CASE = f"""
+import unittest
+import pytest
+from pytest_drive_robust import requirements
+
+STATED = requirements("{RED}\\n{GREEN}")
+
+class TestOld(unittest.TestCase):
+    @pytest.fixture(autouse=True)
+    def _drive(self, drive):
+        self.drive = drive
+
+    def test_whole(self):
+        self.drive.check(STATED[0])
+
+    def test_parts(self):
+        for stated in STATED:
+            with self.subTest(str(stated)):
+                self.drive.check(stated)
+"""
+
 processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 @pytest.fixture
 def waived(suite):
-    def write(*sentences, requirement=RED, agent="steady", expires="2999-01-01"):
-        folder = suite(*sentences)
+    def write(*sentences, test=None, requirement=RED, agent="steady", expires="2999-01-01"):
+        folder = suite(*sentences, test=test)
         (folder.path / "suites").mkdir()
         text = WAIVER.format(requirement=requirement, agent=agent, expires=expires)
         (folder.path / "suites" / "waivers.toml").write_text(text)
@@ -65,6 +86,21 @@ def test_after_its_date_it_is_red_and_says_that_the_waiver_has_expired(waived, w
             "waiver expired, 1 failing: *",
         ]
     )
+
+
+@processes
+def test_a_test_of_unittest_is_waived_too(waived, workers):
+    result = run(waived(test=TEST_CASE), *workers)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines("XFAIL *::TestOld::test_whole - waived by kim until 2999-01-01: new planner")
+    result.stdout.no_fnmatch_line("*FAILED*")
+
+
+def test_a_test_of_unittest_names_a_waiver_that_has_expired(waived):
+    result = run(waived(test=TEST_CASE, expires="2001-01-01"))
+    assert result.ret == 1
+    expired = "  the waiver has expired: waived by kim until 2001-01-01: new planner"
+    result.stdout.fnmatch_lines(["*TestOld.test_whole*", expired])
 
 
 @pytest.mark.parametrize(("today", "code"), [("2026-12-14", 0), ("2026-12-15", 0), ("2026-12-16", 1)])
@@ -122,6 +158,27 @@ def test_an_open_verdict_is_failing_where_it_fails_its_test(waived, mode, told):
     result = run(folder, "--drive-verdict=evidence", f"--drive-inconclusive={mode}")
     assert result.ret == 0
     result.stdout.fnmatch_lines([f"{told}DS under clean >= 50 of steady *"])
+
+
+def test_a_waiver_that_matches_nothing_is_told_where_drive_robust_init_writes_its_suite(waived):
+    folder = waived(GREEN, requirement="RD under throttle 0.4 <= 0.30")
+    (folder.mkdir("robustness") / "test_robustness.py").write_text((folder.path / "test_suite.py").read_text())
+    run(folder, "robustness").stdout.fnmatch_lines(["warning: *waiver*: RD under throttle 0.4 <= 0.30 *"])
+
+
+@processes
+def test_a_plugin_that_leaves_tests_out_leaves_out_the_warning(waived, workers):
+    folder = waived(GREEN, RED, requirement="RD under throttle 0.4 <= 0.30")
+    with (folder.path / "conftest.py").open("a") as conftest:
+        conftest.write("""
+
+def pytest_collection_modifyitems(config, items):
+    config.hook.pytest_deselected(items=items[1:])
+    del items[1:]
+""")
+    result = run(folder, *workers)
+    assert result.ret == 0
+    result.stdout.no_fnmatch_line("warning: *waiver*")
 
 
 def test_an_error_is_not_waived(waived):

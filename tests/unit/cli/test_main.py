@@ -67,7 +67,7 @@ def test_a_module_or_a_conftest_registers_names(
     inside: str, agents_folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A `conftest.py` may import its neighbours, by the name of its package where it is in one."""
-    registry.default_registry.cache_clear()
+    registry.forget_names()
     source = (agents_folder / "cli_agents.py").read_text()
     neighbour = "pack.drivers" if inside else "drivers"
     hook = "def pytest_drive_robust_register(registry): registry.register_agent({!r}, Good)\n"
@@ -85,7 +85,7 @@ def test_a_module_or_a_conftest_registers_names(
     assert main([*plugins, "check-agent", "mine", "--sim", FAKE]) == 0
     assert main(["check-agent", "another", "--sim", FAKE]) == 0
     assert main([*plugins, "list", "agents"]) == 0  # the same once more is no second registration
-    registry.default_registry.cache_clear()
+    registry.forget_names()
     capsys.readouterr()
     assert main(["check-agent", "mine", "--sim", FAKE]) == 4
     assert "drive-robust reads that of a conftest.py with -p conftest.py" in capsys.readouterr().err

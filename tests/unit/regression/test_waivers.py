@@ -115,7 +115,7 @@ def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing() -> None:
 
 def write(folder: Path, text: str) -> Path:
     path = folder / "waivers.toml"
-    path.write_text(text)
+    path.write_text(text, encoding="utf-8")
     return path
 
 
@@ -138,6 +138,7 @@ def test_a_file_is_read_with_dates_and_comments(tmp_path: Path) -> None:
     first, second = read_waivers(write(tmp_path, text))
     assert first == WAIVER
     assert (second.agent, second.expires) == ("classical", date(2026, 1, 1))
+    assert read_waivers(write(tmp_path, f"\ufeff{text}")) == (first, second), "some editors write a byte order mark"
     assert read_waivers(write(tmp_path, "")) == ()
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -86,6 +87,28 @@ def test_a_text_is_parsed_line_by_line_without_comments_and_blank_lines() -> Non
 def test_a_text_without_a_requirement_is_refused(text: str) -> None:
     with pytest.raises(RequirementError, match=r"holds no requirement\. Expected lines such as 'RD under"):
         requirements(text)
+
+
+def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    (tmp_path / "limits.txt").write_text("DS under clean >= 60\n", encoding="utf-8-sig")
+    assert [str(found) for found in requirements(tmp_path / "limits.txt")] == ["DS under clean >= 60"]
+
+
+@pytest.mark.parametrize("given", [["DS under clean >= 60"], None, 3])
+def test_what_is_neither_text_nor_a_path_is_refused_with_its_type(given) -> None:
+    message = rf"was given a {type(given).__name__}\. Expected a text with one sentence a line, .* or a file, .*Path\("
+    with pytest.raises(RequirementError, match=message):
+        requirements(given)
+
+
+def test_a_text_that_is_the_name_of_a_file_is_refused_with_the_way_to_read_it(tmp_path, monkeypatch) -> None:
+    (tmp_path / "limits.txt").write_text("DS under clean >= 60\n")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(RequirementError, match=r"to read it, write requirements\(Path\('limits.txt'\)\)"):
+        requirements("limits.txt")
+    with pytest.raises(RequirementError) as refused:
+        requirements("limit.txt")
+    assert "Path" not in str(refused.value)
 
 
 def test_the_same_requirement_twice_is_refused() -> None:

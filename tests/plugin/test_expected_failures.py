@@ -1,0 +1,89 @@
+"""Tests that are expected to fail: the agent is, not the simulator, and an open verdict is neither pass nor fail."""
+
+from __future__ import annotations
+
+import pytest
+
+RED = "DS under throttle 0.3 >= 60"
+GREEN = "DS under clean >= 1"
+OPEN = "DS under throttle 0.5 >= 57"
+TEST = """
+import unittest
+import pytest
+from pytest_drive_robust import requirements
+
+(REQUIREMENT,) = requirements("{sentence}")
+
+@pytest.mark.xfail(strict={strict}, reason="known")
+def test_marked(drive):
+    drive.check(REQUIREMENT)
+
+class TestOld(unittest.TestCase):
+    @pytest.fixture(autouse=True)
+    def _drive(self, drive):
+        self.drive = drive
+
+    @unittest.expectedFailure
+    def test_decorated(self):
+        self.drive.check(REQUIREMENT)
+"""
+
+processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
+
+
+def run(suite, sentence, *args, strict=False):
+    folder = suite(test=TEST.format(sentence=sentence, strict=strict))
+    return folder.runpytest_inprocess("--drive-robust", "-ra", *args)
+
+
+@processes
+def test_a_simulator_that_breaks_is_an_error_where_a_failure_is_expected(suite, workers):
+    result = run(suite, RED, "--drive-sim", "broken", *workers)
+    assert result.ret == 1
+    result.assert_outcomes(errors=2)
+    for name in ("test_marked", "TestOld::test_decorated"):
+        result.stdout.fnmatch_lines(f"ERROR *{name} - ERROR: not judged: DS under throttle 0.3*")
+    result.stdout.fnmatch_lines("*the simulation raised RuntimeError: no map*")
+
+
+@processes
+@pytest.mark.parametrize("strict", [False, True])
+def test_a_requirement_that_is_broken_stays_expected(suite, strict, workers):
+    result = run(suite, RED, *workers, strict=strict)
+    assert result.ret == 0
+    result.assert_outcomes(xfailed=2)
+
+
+@processes
+@pytest.mark.parametrize("strict", [False, True])
+def test_an_open_verdict_is_a_warning_and_no_pass_that_nobody_expected(suite, strict, workers):
+    result = run(suite, OPEN, "--drive-verdict", "evidence", *workers, strict=strict)
+    assert result.ret == 0
+    assert result.parseoutcomes() == {"inconclusive": 2}
+
+
+def test_a_requirement_that_holds_is_still_a_pass_that_nobody_expected(suite):
+    result = run(suite, GREEN, strict=True)
+    assert result.ret == 1
+    result.assert_outcomes(failed=2)
+    result.stdout.fnmatch_lines("*XPASS(strict)*")
+    result.stdout.fnmatch_lines("*Unexpected success*")
+
+
+@pytest.mark.skipif(not hasattr(pytest, "Subtests"), reason="subtests come with pytest 9")
+def test_a_subtest_that_passes_after_an_open_one_is_not_open(suite):
+    folder = suite(
+        test=f"""
+from pytest_drive_robust import requirements
+
+def test_both(drive, subtests):
+    for stated in requirements("{OPEN}\\n{GREEN}"):
+        with subtests.test(str(stated)):
+            drive.check(stated)
+"""
+    )
+    result = folder.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence", "-v")
+    assert result.ret == 0
+    assert result.parseoutcomes()["inconclusive"] == 1
+    result.stdout.fnmatch_lines([f"*::test_both SUBPASSED*{OPEN}*", f"*::test_both SUBPASSED*{GREEN}*"])
+    result.stdout.fnmatch_lines("*::test_both INCONCLUSIVE*")
