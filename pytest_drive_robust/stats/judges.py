@@ -27,7 +27,7 @@ from pytest_drive_robust.stats.evidence import (
     LinearForms,
     Wealth,
     last_fail_p,
-    mean_below_zero_p,
+    last_pass_p,
     share_of,
 )
 
@@ -131,36 +131,25 @@ class EvidenceJudge(Judge):
         self._alpha, self._fail_alpha = alpha, fail_alpha
         self.needed, self.needed_for_fail = 1.0 / (alpha * EARLY_SHARE), 1.0 / (fail_alpha * EARLY_SHARE)
         self._slacks: list[float] = []
-        self._early: Decision | None = None
 
     def _look(self, hold: float, slack: float) -> Decision | None:
-        if self._early is None:
-            against = self.against.bet(share_of(self.forms.most, -hold))
-            within = self.within.bet(share_of(self.forms.least, slack))
-            self._slacks.append(slack)
-            self._early = "fail" if against >= self.needed_for_fail else "pass" if within >= self.needed else None
-        return self._early if self._compares else None
+        against = self.against.bet(share_of(self.forms.most, -hold))
+        within = self.within.bet(share_of(self.forms.least, slack))
+        self._slacks.append(slack)
+        if not self._compares:
+            return None
+        if against >= self.needed_for_fail:
+            return "fail"
+        return "pass" if within >= self.needed else None
 
     def _at_end(self) -> Decision:
-        if self._early is not None:
-            return self._early
-        late = 1.0 - EARLY_SHARE
+        if self.routes < FEWEST_FOR_T:
+            return "inconclusive"
+        p_value = last_fail_p(self._holds, self.forms.most, scale=self.forms.scale)
+        if p_value <= self._alpha:
+            return "fail" if p_value <= self._fail_alpha else "inconclusive"
         scale = max((bound for bound in (self.forms.most, self.forms.least) if bound < math.inf), default=1.0)
-        if self.routes >= FEWEST_FOR_T:
-            p_value = last_fail_p(self.forms, self._holds)
-            if p_value <= self._alpha * late:
-                return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
-            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:
-                return "pass"
-        return "inconclusive"
-
-    def _unseen(self) -> float:
-        """Return the pseudo route: the worst that the range allows.
-
-        Without an end it is as far out as the farthest route seen.
-        """
-        least = self.forms.least
-        return -least if least < math.inf else -max(abs(slack) for slack in self._slacks)
+        return "pass" if last_pass_p(self._slacks, self.forms.least, scale=scale) <= self._alpha else "inconclusive"
 
 
 class PointJudge(Judge):
