@@ -105,9 +105,9 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:
     """Return whether the scores (this setting, clean) of all routes pass the requirement, one route after the other."""
     rule = rule.for_routes(len(pairs))
-    judge = judge_by(
-        cast("VerdictKind", rule.kind), requirement.linear_forms(rule), planned=len(pairs), alpha=rule.alpha
-    )
+    kind, forms = cast("VerdictKind", rule.kind), requirement.linear_forms(rule)
+    floor = rule.clean_floor if requirement.needs_clean else 0.0
+    judge = judge_by(kind, forms, planned=len(pairs), alpha=rule.alpha, floor=floor)
     return read_until_decided(judge, pairs)[0] == "pass"
 
 

@@ -125,7 +125,9 @@ class VerdictPlan:
         """Return a new judge of this plan."""
         rule = self.verdict_rule
         forms = self.requirement.linear_forms(rule)
-        return judge_by(self.kind, forms, planned=len(self.routes), alpha=rule.alpha, fail_alpha=rule.fail_alpha)
+        floor = rule.clean_floor if self.requirement.needs_clean else 0.0
+        planned = len(self.routes)
+        return judge_by(self.kind, forms, planned=planned, alpha=rule.alpha, fail_alpha=rule.fail_alpha, floor=floor)
 
     @property
     def likely_routes(self) -> int:

@@ -258,3 +258,39 @@ def test_what_just_holds_by_few_routes_that_make_up_for_the_others_seldom_fails(
             judge.read(score, reference)
         fails += judge.close() == "fail"
     assert fails <= 0.05 * 300
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list"])
+def test_a_pass_waits_until_the_references_are_shown_to_lie_on_one_side_of_the_floor(kind) -> None:
+    def taken(clean: float, floor: float) -> tuple[str, int]:
+        judge = judge_by(kind, RULE, planned=220, floor=floor)
+        return read(judge, [(clean, clean)] * 220)
+
+    soon = taken(90.0, 0.0)[1]
+    assert taken(90.0, 30.0) == ("pass", soon)
+    for clean in (34.0, 24.0):
+        decision, routes = taken(clean, 30.0)
+        assert decision == "pass"
+        assert taken(clean, 0.0)[1] < routes < 220
+    assert taken(30.1, 30.0) == ("pass", 220)
+
+
+def test_a_list_shows_its_mean_reference_as_soon_as_the_rest_cannot_turn_it() -> None:
+    assert read(judge_by("list", RULE, planned=4, floor=30.0), [(100.0, 100.0)] * 4) == ("pass", 3)
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list"])
+def test_a_fail_waits_for_no_floor(kind) -> None:
+    pairs = [(31.0, 0.0)] * 220
+    found = [read(judge_by(kind, RULE, planned=220, floor=floor), pairs) for floor in (0.0, 30.0)]
+    assert found[0] == found[1]
+    assert found[0][0] == "fail"
+    assert found[0][1] < 220
+
+
+def test_how_many_routes_are_likely_left_counts_those_that_the_floor_takes() -> None:
+    plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
+    for _ in range(10):
+        plain.read(32.0, 32.0)
+        waiting.read(32.0, 32.0)
+    assert plain.likely_left(220) < waiting.likely_left(220) <= 210
