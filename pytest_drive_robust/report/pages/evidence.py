@@ -17,11 +17,11 @@ _MOST_POINTS = 30
 
 def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
     """Return the ids of the routes behind a verdict, in the order in which they were read."""
-    agent, spec, setting = judged["agent"], judged["routes_spec"], judged["setting"]
-    routes = records.routes.get(spec, ())
+    agent, setting = judged["agent"], judged["setting"]
+    routes = records.routes.get(judged["routes_spec"], ())
     if routes:
         order: Sequence[str] = planned_order(
-            [route.id for route in routes], [route.scenario.type for route in routes], f"{agent} on {spec}"
+            [route.id for route in routes], [route.scenario.type for route in routes], agent
         )
     else:
         episodes = (item for item in records.results if (item.agent, item.setting) == (agent, setting))
