@@ -142,8 +142,9 @@ class _Sample(NamedTuple):
     def of(cls, values: Sequence[float], scale: float) -> _Sample:
         values = [value if abs(value) > _ROUNDING * scale else 0.0 for value in values]
         count, mean = len(values), fsum(values) / len(values)
-        spread = math.sqrt(fsum((value - mean) ** 2 for value in values) / count)
-        skew = fsum((value - mean) ** 3 for value in values) / count / max(spread, 1e-6) ** 3
+        off = [value - mean for value in values]
+        spread = math.sqrt(fsum([by * by for by in off]) / count)
+        skew = fsum([by * by * by for by in off]) / count / max(spread, 1e-6) ** 3
         return cls(count, mean, spread / math.sqrt(count - 1), spread, skew)
 
     def below_zero_p(self, mean: float) -> float:

@@ -69,6 +69,8 @@ class Judge(ABC):
         self.decision: Decision | None = None
         self.against, self.within = Wealth(), Wealth()
         self.above_floor, self.below_floor = Wealth(), Wealth()
+        self._lowest = -forms.floor * (1.0 + _ROUNDING) - _ROUNDING
+        self._highest = forms.most * (1.0 + _ROUNDING) + _ROUNDING
         self._holds: list[float] = []
         self._compares = not forms.relative
 
@@ -79,8 +81,7 @@ class Judge(ABC):
         """
         if self.decision is None:
             hold = self.forms.hold(score, reference)
-            reach = 1.0 + _ROUNDING
-            if not -self.forms.floor * reach - _ROUNDING <= hold <= self.forms.most * reach + _ROUNDING:
+            if not self._lowest <= hold <= self._highest:
                 raise ComparisonError(
                     f"a score is {score!r} (reference {reference!r}), outside what its metric can be."
                 )

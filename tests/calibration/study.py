@@ -270,9 +270,8 @@ def interval_bars(studies: int, *, seed: int = 1) -> Iterator[Bar]:
             yield from _interval_bars(f"{profile}, RD {rd:.2f}", drawn, true_rd(profile, rd), 0.30, 0.10)
     for name in ("rare failures", "rare successes", "uneven loss"):
         shape, limit, margin = SHAPES[name]
-        for routes in (20, 44):
-            drawn = shape(limit, studies, routes, next(seeds))
-            yield from _interval_bars(f"{name}, {routes} routes", drawn, limit, limit, margin)
+        drawn = shape(limit, studies, 20, next(seeds))
+        yield from _interval_bars(f"{name}, 20 routes", drawn, limit, limit, margin)
 
 
 def _interval_bars(name: str, drawn: tuple[Scores, Scores], truth: float, limit: float, margin: float) -> Iterator[Bar]:
