@@ -1,7 +1,7 @@
 """Limits that an agent meets with the distance that a verdict from evidence needs, out of a run that drove it.
 
-Evidence passes what is shown to be better than limit + margin, and so many routes tell apart what lies a `resolution`
-from each other. So a limit stands `max(resolution - margin, 0)` beyond the value, and farther, step by step, until the
+Evidence passes what is shown to be better than limit + margin, and so many routes tell apart what lies `told_apart`
+from each other. So a limit stands `max(told_apart - margin, 0)` beyond the value, and farther, step by step, until the
 scores that it rests on pass it: what fails seldom may not have been seen, and evidence reckons with that. A list of
 fewer routes than evidence takes is judged by its value; there the distance is one step.
 """
@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
-from pytest_drive_robust.stats.resolution import resolution
+from pytest_drive_robust.stats.resolution import told_apart
 from pytest_drive_robust.verdict.requirement import Requirement
 
 _STEP = 0.05
@@ -105,9 +105,9 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:
     """Return whether the scores (this setting, clean) of all routes pass the requirement, one route after the other."""
     rule = rule.for_routes(len(pairs))
-    judge = judge_by(
-        cast("VerdictKind", rule.kind), requirement.linear_forms(rule), planned=len(pairs), alpha=rule.alpha
-    )
+    kind, forms = cast("VerdictKind", rule.kind), requirement.linear_forms(rule)
+    floor = rule.clean_floor if requirement.needs_clean else 0.0
+    judge = judge_by(kind, forms, planned=len(pairs), alpha=rule.alpha, floor=floor)
     return read_until_decided(judge, pairs)[0] == "pass"
 
 
@@ -115,4 +115,4 @@ def _spare(count: int, noise: float, scale: float, rule: VerdictRule) -> float:
     """Return how far from the value the limit stands before it is rounded, in the unit of the metric."""
     if rule.for_routes(count).kind != "evidence":
         return scale * _STEP
-    return max(resolution(count, noise, alpha=rule.alpha, scale=scale) - scale * rule.margin, 0.0)
+    return max(told_apart(count, noise, alpha=rule.alpha, scale=scale) - scale * rule.margin, 0.0)

@@ -22,6 +22,7 @@ from pytest_drive_robust.stats.evidence import (
     degradation_forms,
     mean_below_zero_p,
     mean_forms,
+    unseen_p,
 )
 from pytest_drive_robust.stats.intervals import jackknife_interval
 from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
@@ -97,6 +98,7 @@ def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
 
 
 _ALPHA = 0.05
+_TOP_SCORE = 100.0
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
 
@@ -132,8 +134,10 @@ def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: Verdict
     Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
     this never passes, and a fail stays a fail unless a clean score is 0.
 
-    One value per route whose mean is the rise beyond the allowance (the influence of the route on both ratios), then
-    Hall's t test as in the last look of the gate, with one pessimistic pseudo route on the pass side.
+    One value per route whose mean is how far the rise stays within the allowance (the influence of the route on both
+    ratios), then the last look of the gate: Hall's t test, with one pessimistic pseudo route on the pass side, and on
+    the fail side with the chance that no route was drawn of those that scored nothing before and everything now, their
+    clean scores being as usual. That a route's clean score went the other way at the same time is not reckoned with.
     """
     decision = _decide_rise(routes, allowance, kind=kind)
     floor = VerdictRule().clean_floor
@@ -159,7 +163,8 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: Verdi
         - (route.before - kept_before * route.clean_before) / clean_before
         for route in routes
     ]
-    if mean_below_zero_p(holds) <= _ALPHA:
+    best = max(*holds, allowance.amount + _TOP_SCORE / clean_after)
+    if max(mean_below_zero_p(holds), unseen_p(holds, best)) <= _ALPHA:
         return "fail"
     slacks = [hold + MARGIN for hold in holds]
     return "pass" if 1.0 - mean_below_zero_p([*slacks, min(*slacks, MARGIN - 1.0)]) <= _ALPHA else "inconclusive"

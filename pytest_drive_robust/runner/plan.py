@@ -125,7 +125,9 @@ class VerdictPlan:
         """Return a new judge of this plan."""
         rule = self.verdict_rule
         forms = self.requirement.linear_forms(rule)
-        return judge_by(self.kind, forms, planned=len(self.routes), alpha=rule.alpha, fail_alpha=rule.fail_alpha)
+        floor = rule.clean_floor if self.requirement.needs_clean else 0.0
+        planned = len(self.routes)
+        return judge_by(self.kind, forms, planned=planned, alpha=rule.alpha, fail_alpha=rule.fail_alpha, floor=floor)
 
     @property
     def likely_routes(self) -> int:
@@ -153,10 +155,14 @@ def first_of_each_agent(verdict_plans: Iterable[VerdictPlan]) -> tuple[EpisodeRe
 
 
 def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, ...]:
-    """Return the routes of a need in planned order, which all requirements of a scope share."""
+    """Return the routes of a need in planned order, which all requirements of a scope share.
+
+    What the route file is called and where it lies does not matter: `r.xml`, `./r.xml` and the absolute path read the
+    same routes first. A route more leaves most of the others where they are, and so their stored episodes in use.
+    """
     ids = [route.id for route in scope.routes]
     types = [route.scenario.type for route in scope.routes]
-    order = planned_order(ids, types, f"{scope.agent} on {scope.routes_spec}")
+    order = planned_order(ids, types, scope.agent)
     of_route = {route: slice(place, None, len(ids)) for place, route in enumerate(ids)}  # seed after seed
     return tuple(RouteRequests(need.clean[of_route[route]], need.perturbed[of_route[route]]) for route in order)
 

@@ -9,8 +9,8 @@ such a pair, so one judge serves them all.
 After every route a betting e-process may decide (alpha / 5; valid however often one looks: Waudby-Smith and Ramdas
 2024, "Estimating means of bounded random variables by betting"). When the routes run out there is one look with Hall's
 skewness-corrected t test (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"). What is rare and
-was not seen yet would make it too sure, so there is one pessimistic pseudo route on the pass side, and where no route
-speaks for the requirement a fail takes so many that the best ones could not have stayed away by chance (`last_fail_p`).
+was not seen yet would make it too sure, so there is one pessimistic pseudo route on the pass side, and a fail must also
+stand against the chance that the routes which make up for the others were the ones that nobody drew (`unseen_p`).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import fsum
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.quantiles import student_t_chance
@@ -38,6 +38,10 @@ FEWEST_FOR_T = 20
 _SHY, _FAIR, _BOLD = BETS
 _ROUNDING = 1e-12
 _TOP_SCORE = 100.0
+_ERRORS = tuple(0.5 * step for step in range(-8, 6))
+"""How many standard errors the true mean of what was seen lies below the mean seen, from 4 above it."""
+_MOST_ERRORS = 3.0
+"""So far below it lies as good as never."""
 _ALL_OF_IT = 1.0 - 1e-9
 """Below this share a margin leaves something of the range, and not only by rounding: 1 - 0.7 is more than 0.3."""
 
@@ -80,29 +84,76 @@ def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5). `scale` is
     what the values were computed from: less than a billionth of a thousandth of it is rounding, thus 0.
     """
-    values = [value if abs(value) > _ROUNDING * scale else 0.0 for value in values]
-    count, mean = len(values), fsum(values) / len(values)
-    spread = math.sqrt(fsum((value - mean) ** 2 for value in values) / count)
-    share = mean / max(spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))
-    share = max(-1e6, min(1e6, share))
-    skew = fsum((value - mean) ** 3 for value in values) / count / max(spread, 1e-6) ** 3
-    straight = share + skew * share**2 / 3.0 + skew**2 * share**3 / 27.0 + skew / (6.0 * count)
-    return student_t_chance(count - 1, straight * math.sqrt(count))
+    sample = _Sample.of(values, scale)
+    return sample.below_zero_p(sample.mean)
 
 
-def last_fail_p(forms: LinearForms, holds: Sequence[float]) -> float:
-    """Return the p-value of the last look against "it holds", of the `holds` of `FEWEST_FOR_T` routes or more.
+def unseen_p(holds: Sequence[float], most: float, *, scale: float = 1.0) -> float:
+    """Return the p-value against "it holds, by routes of a kind of which none was drawn"; `most` is their hold, > 0.
 
-    Where no hold is above 0 it is no less than the chance that so many routes show none of those that make up for the
-    others, when the requirement just holds by the best that the range allows among the worst: for holds in -f..m that
-    is (m / (m + f)) ** routes. Twenty routes that fail say little about a success rate of 0.05. Where the range has no
-    end nobody knows that chance, and it is not asked for.
+    If the others have a mean of -s, the requirement holds when a share of s / (most + s) or more is of that kind. Then
+    none of so many routes is with a chance of (most / (most + s)) ** routes, and the others look as bad as they do with
+    the chance that Hall's test gives. The largest product over all s counts. Twenty routes that fail say little about
+    a success rate of 0.05. With much spread or many routes it is what the test gives alone: one route of the best kind
+    then moves the mean by less than half of its standard error.
     """
-    p_value = mean_below_zero_p(holds, scale=forms.scale)
-    worst_and_best = forms.most + forms.floor
-    if 0.0 < worst_and_best < math.inf and max(holds) <= _ROUNDING * forms.scale:
-        p_value = max(p_value, (forms.most / worst_and_best) ** len(holds))
-    return p_value
+    sample = _Sample.of(holds, scale)
+
+    def none_of(short: float) -> float:
+        return (most / (most + short)) ** sample.size if short > 0.0 else 1.0
+
+    chances = [sample.below_zero_p(sample.mean), none_of(_MOST_ERRORS * sample.error - sample.mean)]
+    off = (errors * sample.error for errors in _ERRORS)
+    chances += [sample.below_zero_p(by) * none_of(by - sample.mean) for by in off if by > sample.mean]
+    return max(chances)
+
+
+def last_fail_p(holds: Sequence[float], most: float, *, scale: float = 1.0) -> float:
+    """Return the p-value of the last look against "it holds", of `FEWEST_FOR_T` holds or more; alpha or less: fail.
+
+    Hall's test has what betting leaves of alpha. Routes that nobody drew are weighed with all of it, because betting
+    hardly ever decides where they count. Where the range has no end (`most` is infinite) nobody knows what such routes
+    may be, and where it is 0 there are none.
+    """
+    p_value = mean_below_zero_p(holds, scale=scale) / (1.0 - EARLY_SHARE)
+    return max(p_value, unseen_p(holds, most, scale=scale)) if 0.0 < most < math.inf else p_value
+
+
+def last_pass_p(slacks: Sequence[float], least: float, *, scale: float = 1.0) -> float:
+    """Return the p-value of the last look against "it is missed by the margin or more"; alpha or less: pass.
+
+    The worst that the range allows, a slack of `-least`, is read as one more route. Without an end it is as far out as
+    the farthest route seen.
+    """
+    worst = least if least < math.inf else max(map(abs, slacks))
+    return mean_below_zero_p([*(-slack for slack in slacks), worst], scale=scale) / (1.0 - EARLY_SHARE)
+
+
+class _Sample(NamedTuple):
+    """What Hall's test reads of some values: their mean, its standard error, their spread and skewness."""
+
+    size: int
+    mean: float
+    error: float
+    spread: float
+    skew: float
+
+    @classmethod
+    def of(cls, values: Sequence[float], scale: float) -> _Sample:
+        values = [value if abs(value) > _ROUNDING * scale else 0.0 for value in values]
+        count, mean = len(values), fsum(values) / len(values)
+        off = [value - mean for value in values]
+        spread = math.sqrt(fsum([by * by for by in off]) / count)
+        skew = fsum([by * by * by for by in off]) / count / max(spread, 1e-6) ** 3
+        return cls(count, mean, spread / math.sqrt(count - 1), spread, skew)
+
+    def below_zero_p(self, mean: float) -> float:
+        """Return the p-value against "the mean is 0 or more" for these values, moved so that `mean` is theirs."""
+        count, skew = self.size, self.skew
+        share = mean / max(self.spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))
+        share = max(-1e6, min(1e6, share))
+        straight = share + skew * share**2 / 3.0 + skew**2 * share**3 / 27.0 + skew / (6.0 * count)
+        return student_t_chance(count - 1, straight * math.sqrt(count))
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,5 +261,5 @@ def fail_p_value(
     largest = max((wealth.bet(share_of(forms.most, -hold)) for hold in holds), default=1.0)
     p_value = 1.0 / (EARLY_SHARE * largest)
     if ended and len(holds) >= FEWEST_FOR_T:
-        p_value = min(p_value, last_fail_p(forms, holds) / (1.0 - EARLY_SHARE))
+        p_value = min(p_value, last_fail_p(holds, forms.most, scale=forms.scale))
     return min(1.0, p_value)

@@ -16,9 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from math import fsum
+from typing import Literal
 
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.stats.evidence import EARLY_SHARE, FEWEST_FOR_T, Wealth, mean_below_zero_p
+from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T, last_fail_p, last_pass_p
 from pytest_drive_robust.stats.quantiles import normal_quantile, student_t_quantile
 
 _EVERYTHING = (-math.inf, math.inf)
@@ -121,6 +122,7 @@ def evidence_interval(
     alpha: float = 0.05,
     *,
     ended: bool = False,
+    comparison: str = "<=",
     top_score: float = 100.0,
 ) -> tuple[float, float]:
     """Return the interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early.
@@ -129,9 +131,11 @@ def evidence_interval(
     is wider for a smaller alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
 
     `ended` says that the planned routes ran out, so the gate took its last look. The ends then are where the gate
-    itself would turn: a fail has `limit <= low`, a pass `high <= limit + margin` (early verdicts have that anyway).
-    Either kind misses the truth at most `alpha` of the time on each side. Choosing the kind by how the run ended, as a
-    report does, could double that at worst; in the study of `tests/calibration/` it stays below alpha.
+    itself would turn when it judges by `comparison`: of `RD <= limit` a fail has `limit <= low` and a pass
+    `high <= limit + margin`, of `RD >= limit` a fail has `high <= limit` and a pass `limit - margin <= low` (early
+    verdicts have that anyway). Either kind misses the truth at most `alpha` of the time on each side. Choosing the kind
+    by how the run ended, as a report does, could double that at worst; in the study of `tests/calibration/` it stays
+    below alpha.
 
     Raises `ComparisonError` for lists that do not pair, no pair, and a clean mean of 0.
     """
@@ -145,22 +149,31 @@ def evidence_interval(
 
     def too_low(threshold: float) -> bool:
         keep = 1.0 - threshold
-        return _rejects([keep * before - after for before, after in pairs], 1.0, alpha, ended)
+        gains = [keep * before - after for before, after in pairs]
+        return _rejects(gains, 1.0, alpha, _last_look(ended, is_fail=comparison == "<="))
 
     def too_high(threshold: float) -> bool:
         keep = 1.0 - threshold
-        return _rejects([after - keep * before for before, after in pairs], keep, alpha, ended, unseen=True)
+        gains = [after - keep * before for before, after in pairs]
+        return _rejects(gains, keep, alpha, _last_look(ended, is_fail=comparison == ">="))
 
     return _turning_point(rd, -math.inf, too_low), min(1.0, _turning_point(rd, 1.0, too_high))
 
 
 def mean_evidence_interval(
-    values: Sequence[float], alpha: float = 0.05, *, low: float, high: float, ended: bool = False
+    values: Sequence[float],
+    alpha: float = 0.05,
+    *,
+    low: float,
+    high: float,
+    ended: bool = False,
+    comparison: str = ">=",
 ) -> tuple[float, float]:
     """Return the interval of a mean over routes of values in `low..high`: SR (0..1), DS and comfort (0..100).
 
-    An end of the range may be infinite (efficiency has no upper end): the end of the interval that would need it, the
-    upper one, is then infinite too until the last look.
+    `alpha`, `ended` and `comparison` are those of `evidence_interval`. An end of the range may be infinite (efficiency
+    has no upper end): the end of the interval that would need it, the upper one, is then infinite too until the last
+    look.
 
     Raises `ComparisonError` for no value and for one outside the range.
     """
@@ -169,10 +182,12 @@ def mean_evidence_interval(
     mean = min(high, max(low, fsum(values) / len(values)))
 
     def too_low(limit: float) -> bool:
-        return _rejects([value - limit for value in values], limit - low, alpha, ended, unseen=True)
+        gains = [value - limit for value in values]
+        return _rejects(gains, limit - low, alpha, _last_look(ended, is_fail=comparison == "<="))
 
     def too_high(limit: float) -> bool:
-        return _rejects([limit - value for value in values], high - limit, alpha, ended, unseen=True)
+        gains = [limit - value for value in values]
+        return _rejects(gains, high - limit, alpha, _last_look(ended, is_fail=comparison == ">="))
 
     return _turning_point(mean, low, too_low), _turning_point(mean, high, too_high)
 
@@ -197,24 +212,34 @@ def _require_values(values: Sequence[float]) -> int:
     return len(values)
 
 
-def _rejects(gains: Sequence[float], worst: float, alpha: float, ended: bool, *, unseen: bool = False) -> bool:
+_LastLook = Literal["fail", "pass"]
+
+
+def _last_look(ended: bool, *, is_fail: bool) -> _LastLook | None:
+    """Return what the gate looks for at an end of the interval when the routes have run out, None before."""
+    if not ended:
+        return None
+    return "fail" if is_fail else "pass"
+
+
+def _rejects(gains: Sequence[float], worst: float, alpha: float, last_look: _LastLook | None) -> bool:
     """Return whether "the mean of the gains is 0 at most" is given up; no gain is below `-worst`."""
     if not worst > 0.0:
         return any(gain > 0.0 for gain in gains)
-    if _wealth(gains, worst) * alpha * (EARLY_SHARE if ended else 1.0) >= 1.0:
+    if _wealth(gains, worst) * alpha * (EARLY_SHARE if last_look else 1.0) >= 1.0:
         return True
-    if not ended or len(gains) < FEWEST_FOR_T:
+    if last_look is None or len(gains) < FEWEST_FOR_T:
         return False
     scale = worst if worst < math.inf else max(map(abs, gains))
-    pseudo = [scale] if unseen else []
-    return mean_below_zero_p([*(-gain for gain in gains), *pseudo], scale=scale) <= alpha * (1.0 - EARLY_SHARE)
+    if last_look == "fail":
+        return last_fail_p([-gain for gain in gains], worst, scale=scale) <= alpha
+    return last_pass_p(gains, worst, scale=scale) <= alpha
 
 
 def _wealth(gains: Sequence[float], worst: float) -> float:
-    wealth = Wealth()
-    for gain in gains:
-        wealth.bet(max(-1.0, gain / worst))
-    return wealth.value
+    """Return what `evidence.Wealth` comes to: a bisection asks often, so without its steps."""
+    shares = [max(-1.0, gain / worst) for gain in gains]
+    return fsum(math.prod([1.0 + bet * share for share in shares]) for bet in BETS) / len(BETS)
 
 
 def _turning_point(inside: float, end: float, rejects: Callable[[float], bool]) -> float:

@@ -27,7 +27,7 @@ from pytest_drive_robust.stats.evidence import (
     LinearForms,
     Wealth,
     last_fail_p,
-    mean_below_zero_p,
+    last_pass_p,
     share_of,
 )
 
@@ -54,15 +54,23 @@ class Judge(ABC):
     `decision` is None while there is none, `routes` says how many routes it rests on. `against` and `within` hold the
     e-values of the two sides, `needed_for_fail` and `needed` decide. While every reference is 0 there is nothing to
     compare with: nothing is decided then, and at the end that is inconclusive.
+
+    With a `floor` reading does not stop at a pass before it is shown on which side of it the mean reference lies, by
+    betting again (`above_floor`, `below_floor`, `needed_for_floor`). What a pass is worth there is for the caller to
+    say, who compares the mean of the routes read with the floor.
     """
 
-    needed = needed_for_fail = math.inf
+    needed = needed_for_fail = needed_for_floor = math.inf
 
-    def __init__(self, forms: LinearForms) -> None:
+    def __init__(self, forms: LinearForms, *, floor: float = 0.0) -> None:
         self.forms = forms
+        self.floor = floor
         self.routes = 0
         self.decision: Decision | None = None
         self.against, self.within = Wealth(), Wealth()
+        self.above_floor, self.below_floor = Wealth(), Wealth()
+        self._lowest = -forms.floor * (1.0 + _ROUNDING) - _ROUNDING
+        self._highest = forms.most * (1.0 + _ROUNDING) + _ROUNDING
         self._holds: list[float] = []
         self._compares = not forms.relative
 
@@ -73,14 +81,15 @@ class Judge(ABC):
         """
         if self.decision is None:
             hold = self.forms.hold(score, reference)
-            reach = 1.0 + _ROUNDING
-            if not -self.forms.floor * reach - _ROUNDING <= hold <= self.forms.most * reach + _ROUNDING:
+            if not self._lowest <= hold <= self._highest:
                 raise ComparisonError(
                     f"a score is {score!r} (reference {reference!r}), outside what its metric can be."
                 )
             self.routes += 1
             self._holds.append(hold)
             self._compares = self._compares or reference > 0.0
+            if self.floor > 0.0:
+                self._bet_on_the_floor(reference)
             self.decision = self._look(hold, self.forms.slack(score, reference))
         return self.decision
 
@@ -101,9 +110,28 @@ class Judge(ABC):
         if self.decision is not None:
             return 0
         usual = _usual_routes(self.forms, self.needed) if self.needed < math.inf else math.inf
-        way = max(_share(self.against, self.needed_for_fail), _share(self.within, self.needed))
+        passing = _share(self.within, self.needed)
+        if self.floor > 0.0:
+            shown = max(_share(side, self.needed_for_floor) for side in (self.above_floor, self.below_floor))
+            passing = min(passing, shown)
+        way = max(_share(self.against, self.needed_for_fail), passing)
         pace = (way + _USUAL_WEIGHT / usual) / (self.routes + _USUAL_WEIGHT)
         return left if pace <= 0.0 else min(left, math.ceil((1.0 - way) / pace))
+
+    @property
+    def _may_pass(self) -> bool:
+        """Whether reading may stop at a pass."""
+        shown = max(self.above_floor.value, self.below_floor.value)
+        return self.floor <= 0.0 or shown >= self.needed_for_floor
+
+    def _bet_on_the_floor(self, reference: float) -> None:
+        self._bet_on_references(reference, self.floor)
+
+    def _bet_on_references(self, reference: float, due: float) -> None:
+        """Bet on both sides of `due`, which the mean reference must be for it to sit exactly on the floor."""
+        top = _top_reference(self.forms)
+        self.above_floor.bet(_stake(reference - due, due, _ROUNDING * top))
+        self.below_floor.bet(_stake(due - reference, top - due, _ROUNDING * top))
 
     @abstractmethod
     def _look(self, hold: float, slack: float) -> Decision | None:
@@ -122,45 +150,39 @@ class EvidenceJudge(Judge):
     one where the other sign is impossible a single route is proof. Raises `ValueError` for an alpha outside 0..0.5.
     """
 
-    def __init__(self, forms: LinearForms, *, alpha: float = 0.05, fail_alpha: float | None = None) -> None:
-        super().__init__(forms)
+    def __init__(
+        self, forms: LinearForms, *, alpha: float = 0.05, fail_alpha: float | None = None, floor: float = 0.0
+    ) -> None:
+        super().__init__(forms, floor=floor)
         _require_alpha(alpha)
         fail_alpha = alpha if fail_alpha is None else fail_alpha
         if not 0.0 < fail_alpha <= alpha:
             raise ValueError(f"the alpha of a fail is {fail_alpha!r}, expected a number above 0, {alpha} at most.")
         self._alpha, self._fail_alpha = alpha, fail_alpha
         self.needed, self.needed_for_fail = 1.0 / (alpha * EARLY_SHARE), 1.0 / (fail_alpha * EARLY_SHARE)
+        self.needed_for_floor = 1.0 / alpha
         self._slacks: list[float] = []
-        self._early: Decision | None = None
 
     def _look(self, hold: float, slack: float) -> Decision | None:
-        if self._early is None:
-            against = self.against.bet(share_of(self.forms.most, -hold))
-            within = self.within.bet(share_of(self.forms.least, slack))
-            self._slacks.append(slack)
-            self._early = "fail" if against >= self.needed_for_fail else "pass" if within >= self.needed else None
-        return self._early if self._compares else None
+        against = self.against.bet(share_of(self.forms.most, -hold))
+        within = self.within.bet(share_of(self.forms.least, slack))
+        self._slacks.append(slack)
+        if not self._compares:
+            return None
+        if against >= self.needed_for_fail:
+            return "fail"
+        return "pass" if within >= self.needed and self._may_pass else None
 
     def _at_end(self) -> Decision:
-        if self._early is not None:
-            return self._early
-        late = 1.0 - EARLY_SHARE
+        if self.within.value >= self.needed:  # it only waited for the floor
+            return "pass"
+        if self.routes < FEWEST_FOR_T:
+            return "inconclusive"
+        p_value = last_fail_p(self._holds, self.forms.most, scale=self.forms.scale)
+        if p_value <= self._alpha:
+            return "fail" if p_value <= self._fail_alpha else "inconclusive"
         scale = max((bound for bound in (self.forms.most, self.forms.least) if bound < math.inf), default=1.0)
-        if self.routes >= FEWEST_FOR_T:
-            p_value = last_fail_p(self.forms, self._holds)
-            if p_value <= self._alpha * late:
-                return "fail" if p_value <= self._fail_alpha * late else "inconclusive"
-            if 1.0 - mean_below_zero_p([*self._slacks, self._unseen()], scale=scale) <= self._alpha * late:
-                return "pass"
-        return "inconclusive"
-
-    def _unseen(self) -> float:
-        """Return the pseudo route: the worst that the range allows.
-
-        Without an end it is as far out as the farthest route seen.
-        """
-        least = self.forms.least
-        return -least if least < math.inf else -max(abs(slack) for slack in self._slacks)
+        return "pass" if last_pass_p(self._slacks, self.forms.least, scale=scale) <= self._alpha else "inconclusive"
 
 
 class PointJudge(Judge):
@@ -185,12 +207,12 @@ class ListJudge(Judge):
     `ComparisonError`.
     """
 
-    def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05) -> None:
-        super().__init__(forms)
+    def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05, floor: float = 0.0) -> None:
+        super().__init__(forms, floor=floor)
         _require_alpha(alpha)
         self.planned = planned
-        self.needed = self.needed_for_fail = 1.0 / alpha
-        self._sum = 0.0
+        self.needed = self.needed_for_fail = self.needed_for_floor = 1.0 / alpha
+        self._sum = self._references = 0.0
 
     def _look(self, hold: float, slack: float) -> Decision | None:
         left = self.planned - self.routes
@@ -204,12 +226,18 @@ class ListJudge(Judge):
             return _sign_of(math.fsum(self._holds), self.planned, self.forms)
         if self.against.value >= self.needed or self._sum + left * self.forms.most < -_slop(self.planned, self.forms):
             return "fail"
-        if self.within.value >= self.needed or self._sum - left * self.forms.floor > _slop(self.planned, self.forms):
-            return "pass"
+        within = self.within.value >= self.needed
+        if within or self._sum - left * self.forms.floor > _slop(self.planned, self.forms):
+            return "pass" if self._may_pass else None
         return None
 
     def _at_end(self) -> Decision:
         return "inconclusive"
+
+    def _bet_on_the_floor(self, reference: float) -> None:
+        left = max(0, self.planned - self.routes)
+        self._bet_on_references(reference, (self.floor * self.planned - self._references) / (left + 1))
+        self._references += reference
 
     def _bet(self, hold: float, due: float) -> None:
         """Bet; `due` is what the routes left must average for the list to sit exactly on the limit."""
@@ -219,16 +247,24 @@ class ListJudge(Judge):
 
 
 def judge_by(
-    kind: VerdictKind, forms: LinearForms, *, planned: int, alpha: float = 0.05, fail_alpha: float | None = None
+    kind: VerdictKind,
+    forms: LinearForms,
+    *,
+    planned: int,
+    alpha: float = 0.05,
+    fail_alpha: float | None = None,
+    floor: float = 0.0,
 ) -> Judge:
     """Return the judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
+
+    `floor` is that of the mean reference of relative forms: see `Judge`.
 
     Raises `ValueError` for another name.
     """
     if kind == "evidence":
-        return EvidenceJudge(forms, alpha=alpha, fail_alpha=fail_alpha)
+        return EvidenceJudge(forms, alpha=alpha, fail_alpha=fail_alpha, floor=floor)
     if kind == "list":
-        return ListJudge(forms, planned=planned, alpha=alpha)
+        return ListJudge(forms, planned=planned, alpha=alpha, floor=floor)
     if kind == "point":
         return PointJudge(forms)
     raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(get_args(VerdictKind))}.")
@@ -267,9 +303,8 @@ def _usual_routes(forms: LinearForms, needed: float) -> float:
     if math.isinf(forms.least):
         return math.inf
     span = min(forms.most + forms.floor, _TOP_SCORE)
-    top = forms.most if forms.sign > 0.0 else forms.floor
     if forms.relative:
-        reference = _USUAL_REFERENCE * top
+        reference = _USUAL_REFERENCE * _top_reference(forms)
         kept = min(1.0, max(0.0, forms.keep + forms.sign * _USUAL_DISTANCE))
         slack = forms.slack(kept * reference, reference)
     else:
@@ -277,6 +312,11 @@ def _usual_routes(forms: LinearForms, needed: float) -> float:
     if slack <= 0.0:  # not even the best scores would meet the limit
         return math.inf
     return math.log(len(BETS) * needed) / math.log1p(max(BETS) * slack / forms.least)
+
+
+def _top_reference(forms: LinearForms) -> float:
+    """Return the top score of relative forms."""
+    return forms.most if forms.sign > 0.0 else forms.floor
 
 
 def _share(wealth: Wealth, needed: float) -> float:

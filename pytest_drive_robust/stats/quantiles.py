@@ -41,12 +41,19 @@ def _between(degrees_of_freedom: int, angle: float) -> float:
 
     Source: Abramowitz and Stegun 1972, "Handbook of Mathematical Functions", 26.7.3 and 26.7.4.
     """
-    odd = degrees_of_freedom % 2
-    square = math.cos(angle) ** 2
-    term = math.cos(angle) if odd else 1.0
-    terms = []
+    cosine, series = math.cos(angle), 0.0
+    square = cosine * cosine
+    for factor in _factors(degrees_of_freedom):
+        series = series * square + factor
+    series *= math.sin(angle)
+    return 2.0 / math.pi * (angle + series * cosine) if degrees_of_freedom % 2 else series
+
+
+@functools.cache
+def _factors(degrees_of_freedom: int) -> tuple[float, ...]:
+    """Return the factors of the powers of cos(angle) ** 2, the highest power first."""
+    factors, factor, odd = [], 1.0, degrees_of_freedom % 2
     for number in range(2 + odd, degrees_of_freedom + 1, 2):
-        terms.append(term)
-        term *= square * (number - 1) / number
-    series = math.sin(angle) * math.fsum(terms)
-    return 2.0 / math.pi * (angle + series) if odd else series
+        factors.append(factor)
+        factor *= (number - 1) / number
+    return tuple(reversed(factors))

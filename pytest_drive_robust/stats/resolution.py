@@ -32,28 +32,47 @@ class Advice:
     text: str
 
 
-def resolution(
+def told_apart(
     routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
 ) -> float:
-    """Return the smallest violation that a gate on `routes` pairs catches with probability `power`.
+    """Return how far from each other two values must be for `routes` pairs to tell them apart by their spread.
 
     Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
     they own in so few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1
-    for RD and SR, 100 for DS). The answer may lie beyond it: then no violation is ever caught.
-
-    >>> round(resolution(50), 2)
-    0.19
+    for RD and SR, 100 for DS). The answer may lie beyond it: then no such values are ever told apart.
     """
     if routes < 1:
         raise ValueError(f"{routes} routes can show nothing. Expected 1 or more.")
-    sampling = _standard_errors(alpha, power) * noise / math.sqrt(routes)
+    sampling = (_late_quantile(alpha) + normal_quantile(power)) * noise / math.sqrt(routes)
     if routes >= FEWEST_FOR_T:
         return sampling
     growth = math.pow(len(BETS) / (EARLY_SHARE * alpha), 1.0 / routes)
     return max(sampling, scale * _RANGE_PER_MEAN * (growth - 1.0) / max(BETS))
 
 
-def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER) -> int:
+def resolution(
+    routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
+) -> float:
+    """Return the smallest violation that a gate on `routes` pairs catches with probability `power`.
+
+    That is what the routes tell apart, and for 20 to some 45 of them more: a fail must stand against the chance that
+    the routes which would make up for the others were not drawn (`evidence.unseen_p`).
+
+    >>> round(resolution(50), 2)
+    0.19
+    """
+    told = told_apart(routes, noise, alpha=alpha, power=power, scale=scale)
+    if routes < FEWEST_FOR_T:
+        return told
+    error, step = noise / math.sqrt(routes), _RANGE_PER_MEAN * scale / routes
+    unseen = (number / 8.0 for number in range(math.ceil(-8.0 * math.log(alpha))))  # none of so many: exp(-unseen)
+    needed = max(number * step + error * normal_quantile(1.0 - alpha * math.exp(number)) for number in unseen)
+    return max(told, needed + error * normal_quantile(power))
+
+
+def routes_needed(
+    margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
+) -> int:
     """Return how many routes catch a violation of `margin` with probability `power`; 20 at least.
 
     >>> routes_needed(0.10)
@@ -61,8 +80,11 @@ def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0
     """
     if not margin > 0.0:
         raise ValueError(f"the margin is {margin!r}, expected a number above 0.")
-    wanted = _standard_errors(alpha, power) * noise / margin
-    return max(FEWEST_FOR_T, math.ceil(wanted**2))
+    wanted = (_late_quantile(alpha) + normal_quantile(power)) * noise / margin
+    routes = max(FEWEST_FOR_T, math.ceil(wanted**2))
+    while resolution(routes, noise, alpha=alpha, power=power, scale=scale) > margin:
+        routes += 1
+    return routes
 
 
 def advise(
@@ -74,7 +96,7 @@ def advise(
     for DS) or more. Warned: a margin finer than the resolution, fewer than 50 routes.
     """
     finest = resolution(routes, noise, alpha=alpha, scale=scale)
-    needed = routes_needed(margin, noise, alpha=alpha)
+    needed = routes_needed(margin, noise, alpha=alpha, scale=scale)
     shown = f"{routes} {'route' if routes == 1 else 'routes'}"
     wish = f"the margin of {margin:.2f} takes about {math.ceil(needed / 10) * 10} routes"
     if routes < FEWEST_FOR_T and margin < _COARSE * scale:
@@ -92,6 +114,6 @@ def advise(
     return Advice("fine", "")
 
 
-def _standard_errors(alpha: float, power: float) -> float:
-    """Return how many standard errors away a truth must be, so that the last look finds it with this power."""
-    return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal_quantile(power)
+def _late_quantile(alpha: float) -> float:
+    """Return how many standard errors from the limit a mean must be for the last look to find it."""
+    return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha)

@@ -155,10 +155,11 @@ def _after_reading(
 ) -> tuple[tuple[float, float], float]:
     """Return the interval and the p-value that hold although reading may have stopped early."""
     p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
-    metric, alpha = requirement.metric, verdict_rule.alpha
+    metric, alpha, comparison = requirement.metric, verdict_rule.alpha, requirement.comparison
     if metric.needs_clean:
-        return evidence_interval(references, values, alpha, ended=ended), p_value
-    return mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended), p_value
+        return evidence_interval(references, values, alpha, ended=ended, comparison=comparison), p_value
+    low, high = metric.low, metric.high
+    return mean_evidence_interval(values, alpha, low=low, high=high, ended=ended, comparison=comparison), p_value
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:

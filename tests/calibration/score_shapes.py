@@ -24,6 +24,23 @@ def rare_failures(rd: float, studies: int, routes: int, seed: int) -> tuple[Scor
     return np.full(shape, 100.0), 100.0 * (rng.random(shape) >= rd)
 
 
+def even_loss(spread: float) -> Shape:
+    """Nearly every route loses about the same; 1.2 of all that are drawn, on average, fail clean and succeed then.
+
+    Those make up for the others, and in three samples of ten there is none of them.
+    """
+
+    def draw(rd: float, studies: int, routes: int, seed: int) -> tuple[Scores, Scores]:
+        rng = np.random.default_rng(seed)
+        shape, share = (studies, routes), 1.2 / routes
+        makes_up = rng.random(shape) < share
+        usual = 100.0 * (1.0 - rd - share / (1.0 - share))
+        perturbed = np.where(makes_up, 100.0, usual + spread * rng.uniform(-1.0, 1.0, shape))
+        return np.where(makes_up, 0.0, 100.0), perturbed
+
+    return draw
+
+
 def constant(rd: float, studies: int, routes: int, seed: int) -> tuple[Scores, Scores]:
     """No spread at all; the level differs from study to study."""
     level = np.random.default_rng(seed).uniform(5.0, 100.0, (studies, 1))
@@ -47,8 +64,14 @@ SHAPES: dict[str, tuple[Shape, float, float]] = {
     "bimodal": (bimodal, 0.30, 0.10),
     "rare failures": (rare_failures, 0.02, 0.05),
     "less rare failures": (rare_failures, 0.05, 0.05),
+    "rare successes": (rare_failures, 0.90, 0.05),
+    "even loss": (even_loss(3.0), 0.30, 0.10),
+    "uneven loss": (even_loss(20.0), 0.30, 0.10),
     "constant": (constant, 0.30, 0.10),
     "proportional": (proportional, 0.30, 0.10),
     "fixed clean": (fixed_clean, 0.30, 0.10),
 }
 """Name to shape, threshold and margin."""
+
+WITHOUT_SPREAD = ("constant", "proportional")
+"""What every study shows alike, so that a few show it."""

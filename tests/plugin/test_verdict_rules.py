@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
@@ -144,6 +145,48 @@ def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite, rule: st
     result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", rule, "--drive-agent", "lazy")
     assert result.ret == 0
     result.stdout.fnmatch_lines(["~ RD under throttle 0.9*", "*floor of 30*"])
+
+
+def test_a_pass_over_a_clean_score_below_the_floor_is_read_on_to_where_the_clean_score_is_known(suite) -> None:
+    pytester = suite("RD under throttle 0.9 <= 0.30")
+    names = [str(number) for number in range(1, 81)]
+    routes = {name: fake_route(name, length_m=9.0) for name in names}
+    order = planned_order(names, [routes[name].scenario.type for name in names], "steady")
+    for name in order[:40]:  # too long to be finished: the clean score of these is next to nothing
+        routes[name] = fake_route(name, length_m=900.0)
+    save_routes([routes[name] for name in names], pytester.path / "routes.xml")
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-json", "run.json")
+    result.assert_outcomes(passed=1)
+    (judged,) = verdicts(pytester).values()
+    assert (judged["verdict"], judged["message"]) == ("pass", "")
+    assert 60 < judged["routes"] <= 80
+
+
+def test_the_same_routes_come_first_however_their_file_is_named(suite, driven) -> None:
+    pytester = suite(HOLDS)
+    thirty_routes(pytester)
+    counts = []
+    for path in ("routes.xml", "./routes.xml", str(pytester.path / "routes.xml")):
+        result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "evidence", "--drive-routes", path)
+        result.assert_outcomes(passed=1)
+        counts.append(len(driven()))
+    assert 0 < counts[0] < 30
+    assert counts == counts[:1] * 3  # what is stored is not driven again
+
+
+def test_routes_that_all_score_nothing_have_an_interval_that_leaves_room_for_others(suite) -> None:
+    pytester = suite("RD under throttle 0 <= 0.90")
+    thirty_routes(pytester)
+    result = pytester.runpytest_inprocess(
+        "--drive-robust", "--drive-verdict", "evidence", "--drive-inconclusive", "fail", "--drive-json", "run.json"
+    )
+    assert result.ret == 1
+    (judged,) = verdicts(pytester).values()
+    assert (judged["verdict"], judged["value"], judged["routes"]) == ("inconclusive", 1.0, 30)
+    assert 0.8 < judged["low"] < 0.95
+    result.stdout.fnmatch_lines(
+        ["*RD under throttle 0 = 1.00, limit <= 0.90 * interval 0.?? to 1.00*", "*open: neither RD > 0.90 *"]
+    )
 
 
 def test_the_degradation_of_an_agent_that_hardly_drives_is_no_number(suite) -> None:

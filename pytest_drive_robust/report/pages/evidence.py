@@ -17,11 +17,11 @@ _MOST_POINTS = 30
 
 def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
     """Return the ids of the routes behind a verdict, in the order in which they were read."""
-    agent, spec, setting = judged["agent"], judged["routes_spec"], judged["setting"]
-    routes = records.routes.get(spec, ())
+    agent, setting = judged["agent"], judged["setting"]
+    routes = records.routes.get(judged["routes_spec"], ())
     if routes:
         order: Sequence[str] = planned_order(
-            [route.id for route in routes], [route.scenario.type for route in routes], f"{agent} on {spec}"
+            [route.id for route in routes], [route.scenario.type for route in routes], agent
         )
     else:
         episodes = (item for item in records.results if (item.agent, item.setting) == (agent, setting))
@@ -47,28 +47,33 @@ def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str])
         values, references = metric.by_route(results, clean=clean, mode=mode)
     except (ComparisonError, ValueError):  # a trace that is not there gives no comfort
         return []
-    evidence = judged["rule"] == "evidence"
-    alpha, planned = records.document["settings"].get("alpha", 0.05), judged["planned"]
+    alpha = records.document["settings"].get("alpha", 0.05) if judged["rule"] == "evidence" else None
     return [
-        [count, *_step(metric, values[:count], references[:count], alpha if evidence else None, count >= planned)]
-        for count in _counts(len(values))
+        [count, *_step(metric, values[:count], references[:count], judged, alpha)] for count in _counts(len(values))
     ]
 
 
 def _step(
-    metric: Metric, values: Sequence[float], references: Sequence[float], alpha: float | None, ended: bool
+    metric: Metric,
+    values: Sequence[float],
+    references: Sequence[float],
+    judged: Mapping[str, Any],
+    alpha: float | None,
 ) -> list[float | None]:
+    ended, comparison = len(values) >= judged["planned"], judged["comparison"]
     mean = sum(values) / len(values)
     bounds: tuple[float | None, float | None] = (None, None)
     if not metric.needs_clean:
         if alpha is not None:
-            bounds = mean_evidence_interval(values, alpha, low=metric.low, high=metric.high, ended=ended)
+            bounds = mean_evidence_interval(
+                values, alpha, low=metric.low, high=metric.high, ended=ended, comparison=comparison
+            )
         return [mean, *map(bound, bounds)]
     reference = sum(references) / len(references)
     if reference <= 0.0:
         return [None, None, None]
     if alpha is not None:
-        bounds = evidence_interval(references, values, alpha, ended=ended)
+        bounds = evidence_interval(references, values, alpha, ended=ended, comparison=comparison)
     return [1.0 - mean / reference, *map(bound, bounds)]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import random
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,6 +33,20 @@ def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(kind) 
     assert verdict(80.0, 29.0) == verdict(29.0, 80.0) == verdict(0.001, 0.001) == "inconclusive"
     assert verdict(80.0, 29.0, kept_after=0.2) == "fail"
     assert verdict(80.0, 0.0) == "inconclusive"
+
+
+@pytest.mark.parametrize("routes", [20, 44, 220])
+def test_a_rise_within_the_allowance_by_few_routes_that_make_up_for_the_others_seldom_fails(routes: int) -> None:
+    (allowance,) = parse_allowances(["rd:+0.05"], source="test")
+    draw, share, fails = random.Random(routes), 1.2 / routes, 0
+    usual = 100.0 - (5.0 + 100.0 * share) / (1.0 - share)
+    for _ in range(100):
+        rows = []
+        for _ in range(routes):
+            makes_up = draw.random() < share
+            rows.append((100.0, 0.0, 100.0, 100.0) if makes_up else (100.0, 100.0, 100.0, usual + draw.gauss(0, 2)))
+        fails += judge_rise(quartets(rows), allowance) == "fail"
+    assert fails <= 0.05 * 100
 
 
 SCORES = st.floats(1.0, 100.0)

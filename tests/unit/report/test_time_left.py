@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.report.progress import ProgressState
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executors import Executor
-from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, planned_order
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.events import Event, Finished
@@ -50,6 +50,15 @@ LIMITS = {
     """,
 }
 """The limits of those suites when they were recorded: those that ship follow the world, the recording does not."""
+
+
+@pytest.fixture(autouse=True)
+def order_of_the_recording(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Read the routes as they were read when this was recorded: in another order other routes decide at the end."""
+    monkeypatch.setattr(
+        "pytest_drive_robust.runner.plan.planned_order",
+        lambda ids, types, agent: planned_order(ids, types, f"{agent} on one-per-scenario"),
+    )
 
 
 def recorded() -> dict[tuple[str, str, str], tuple[float, float]]:

@@ -148,6 +148,22 @@ def test_the_order_is_named_by_the_text_and_by_nothing_else() -> None:
     assert planned_order(["1", "2", "3", "4"], ["a", "a", "b", "b"], "suite") == ("1", "3", "4", "2")
 
 
+def test_the_order_has_nothing_to_do_with_how_the_routes_are_named() -> None:
+    def order_of(spec: str) -> list[str]:
+        scope = replace(many(), routes_spec=spec)
+        return [route.perturbed[0].route.id for route in routes_in_order(scope, scope.need(LATENCY, clean=False))]
+
+    assert order_of("routes.xml") == order_of("./routes.xml") == order_of("/home/me/routes.xml")
+    assert order_of("routes.xml") != sorted(order_of("routes.xml"), key=int)
+
+
+def test_a_route_more_leaves_most_of_the_others_where_they_are() -> None:
+    types = {**TYPE_OF, "new": "type 7"}
+    longer = [route for route in planned_order([*IDS, "new"], list(types.values()), "driver") if route != "new"]
+    others = [route for route in longer if TYPE_OF[route] != "type 7"]
+    assert others == [route for route in planned_order(IDS, TYPES, "driver") if TYPE_OF[route] != "type 7"]
+
+
 def test_any_route_may_come_first() -> None:
     first = {planned_order(IDS[:10], TYPES[:10], str(number))[0] for number in range(200)}
 

@@ -6,7 +6,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
+from pytest_drive_robust.stats.evidence import (
+    LinearForms,
+    degradation_forms,
+    last_fail_p,
+    mean_below_zero_p,
+    mean_forms,
+    unseen_p,
+)
 from pytest_drive_robust.stats.judges import EvidenceJudge
 
 score = st.floats(0.0, 100.0)
@@ -132,3 +139,28 @@ def test_a_margin_that_would_leave_the_range_is_cut() -> None:
 def test_a_rule_that_decides_nothing_is_refused(make: object) -> None:
     with pytest.raises(ValueError, match=r"expected|Expected"):
         make()  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(("routes", "short"), [(20, 1.0), (20, 30.0), (44, 2.0), (220, 5.0)])
+def test_routes_that_all_lose_the_same_leave_the_chance_that_none_was_drawn_of_those_that_lose_nothing(
+    routes: int, short: float
+) -> None:
+    assert unseen_p([-short] * routes, 100.0) == pytest.approx((100.0 / (100.0 + short)) ** routes)
+
+
+losses = st.lists(st.floats(-100.0, 100.0), min_size=20, max_size=60)
+
+
+@given(losses, st.floats(1.0, 100.0))
+def test_what_was_not_drawn_counts_more_the_better_it_may_be_and_never_makes_a_fail_easier(
+    holds: list[float], most: float
+) -> None:
+    alone = mean_below_zero_p(holds)
+    assert alone <= unseen_p(holds, most) <= unseen_p(holds, 2.0 * most) <= 1.0
+    assert last_fail_p(holds, most) >= alone / 0.8 == last_fail_p(holds, math.inf)
+
+
+def test_where_one_route_moves_the_mean_by_little_the_test_alone_decides() -> None:
+    holds = [-70.0, -70.0, -40.0, 30.0, 30.0, 10.0, -20.0, 25.0] * 10
+    assert 0.001 < mean_below_zero_p(holds) < 0.05
+    assert last_fail_p(holds, 100.0) == mean_below_zero_p(holds) / 0.8

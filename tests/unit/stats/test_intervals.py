@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
 from pytest_drive_robust.stats.intervals import (
     evidence_interval,
     jackknife_interval,
@@ -19,6 +20,7 @@ from pytest_drive_robust.stats.intervals import (
     ratio_interval,
     share_interval,
 )
+from pytest_drive_robust.stats.judges import EvidenceJudge
 
 value_lists = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=30)
 score_pairs = st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(0.0, 100.0)), min_size=1, max_size=30).filter(
@@ -300,3 +302,76 @@ def test_nothing_unpaired_values_and_values_outside_the_range_are_refused() -> N
         evidence_interval([0.0], [1.0])
     with pytest.raises(ComparisonError, match=r"in 0\.\.1"):
         mean_evidence_interval([2.0], low=0.0, high=1.0)
+
+
+SHAPES = {
+    "all or nothing": lambda draw, at: (100.0, 100.0 * (draw.random() < at)),
+    "all the same": lambda draw, at: (80.0, 80.0 * at),
+    "spread": lambda draw, at: (draw.choice([100.0, 60.0, 20.0]), 100.0 * min(1.0, at * 2.0 * draw.random())),
+    "rare": lambda draw, at: (100.0, 100.0 * at if draw.random() < 0.95 else draw.choice([0.0, 100.0])),
+}
+
+
+def decided(forms: LinearForms, rows: list[tuple[float, float]]) -> tuple[str, int]:
+    judge = EvidenceJudge(forms)
+    for reference, score in rows:
+        if judge.read(score, reference) is not None:
+            break
+    return judge.close(), judge.routes
+
+
+shapes = st.sampled_from(sorted(SHAPES))
+comparisons = st.sampled_from(["<=", ">="])
+
+
+@settings(max_examples=300)
+@given(shapes, comparisons, st.integers(0, 10**6), st.integers(20, 60), st.floats(0.02, 0.98), st.floats(0.02, 0.85))
+def test_the_interval_of_rd_never_contradicts_the_verdict(
+    shape: str, comparison: str, seed: int, count: int, at: float, limit: float
+) -> None:
+    draw = random.Random(seed)
+    rows = [SHAPES[shape](draw, at) for _ in range(count)]
+    decision, used = decided(degradation_forms(limit, 0.10, comparison=comparison), rows)
+    clean, perturbed = zip(*rows[:used], strict=True)
+    low, high = evidence_interval(clean, perturbed, ended=used == count, comparison=comparison)
+    assert_agrees(decision, comparison, limit, 0.10, low, high)
+
+
+@settings(max_examples=300)
+@given(shapes, comparisons, st.integers(0, 10**6), st.integers(20, 60), st.floats(0.02, 0.98), st.floats(0.02, 0.98))
+def test_the_interval_of_a_mean_never_contradicts_the_verdict(
+    shape: str, comparison: str, seed: int, count: int, at: float, limit: float
+) -> None:
+    draw = random.Random(seed)
+    rows = [(0.0, SHAPES[shape](draw, at)[1] / 100.0) for _ in range(count)]
+    decision, used = decided(mean_forms(limit, comparison, margin=0.10, low=0.0, high=1.0), rows)
+    values = [value for _, value in rows[:used]]
+    low, high = mean_evidence_interval(values, low=0.0, high=1.0, ended=used == count, comparison=comparison)
+    assert_agrees(decision, comparison, limit, 0.10, low, high)
+
+
+def assert_agrees(decision: str, comparison: str, limit: float, margin: float, low: float, high: float) -> None:
+    """A fail's interval excludes the limit, a pass's the limit and the margin."""
+    rounding = 1e-9
+    if decision == "fail":
+        assert low >= limit - rounding if comparison == "<=" else high <= limit + rounding
+    elif decision == "pass":
+        lenient = limit + margin if comparison == "<=" else limit - margin
+        assert high <= lenient + rounding if comparison == "<=" else low >= lenient - rounding
+
+
+@pytest.mark.parametrize("routes", [20, 44, 100])
+def test_routes_that_all_score_nothing_leave_room_for_those_that_nobody_drew(routes: int) -> None:
+    low, high = evidence_interval([100.0] * routes, [0.0] * routes, ended=True)
+    assert high == 1.0
+    assert (1.0 / (2.0 - low)) ** routes == pytest.approx(0.05, rel=1e-6)  # none of those that score 100
+
+
+@pytest.mark.parametrize(("routes", "share"), [(20, 0.05), (44, 0.02), (100, 0.02)])
+def test_rare_successes_seldom_leave_the_interval(routes: int, share: float) -> None:
+    draw, missed = random.Random(5), 0
+    for _ in range(120):
+        perturbed = [100.0 * (draw.random() < share) for _ in range(routes)]
+        low, high = evidence_interval([100.0] * routes, perturbed, ended=True)
+        missed += not low - 1e-9 <= 1.0 - share <= high + 1e-9
+    assert missed <= 0.05 * 120

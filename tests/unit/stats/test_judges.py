@@ -220,8 +220,9 @@ def test_what_just_holds_by_rare_successes_seldom_fails(forms: LinearForms, succ
 
 
 def test_many_routes_without_a_success_break_even_a_low_limit() -> None:
+    # 0.95 ** 58 is more than alpha, 0.95 ** 59 is less
     forms = mean_forms(0.05, ">=", margin=0.1, low=0.0, high=1.0)
-    assert [read(EvidenceJudge(forms), [(0.0, 0.0)] * routes)[0] for routes in (20, 60, 75)] == [
+    assert [read(EvidenceJudge(forms), [(0.0, 0.0)] * routes)[0] for routes in (20, 58, 59)] == [
         "inconclusive",
         "inconclusive",
         "fail",
@@ -231,3 +232,65 @@ def test_many_routes_without_a_success_break_even_a_low_limit() -> None:
 @pytest.mark.parametrize("limit", [-0.05, -0.10, -0.15])
 def test_how_many_routes_a_limit_takes_that_scores_hardly_reach_is_all_of_them(limit: float) -> None:
     assert judge_by("evidence", degradation_forms(limit), planned=60).likely_left(60) == 60
+
+
+@pytest.mark.parametrize("spread", [0.0, 2.0, 10.0])
+@pytest.mark.parametrize(
+    ("forms", "usual", "makes_up"),
+    [
+        (degradation_forms(0.30), (70.0, 100.0), (100.0, 0.0)),
+        (degradation_forms(0.05), (95.0, 100.0), (100.0, 0.0)),
+        (mean_forms(-5.0, ">=", margin=10.0, low=-100.0, high=100.0), (-5.0, 0.0), (100.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("routes", [20, 44])
+def test_what_just_holds_by_few_routes_that_make_up_for_the_others_seldom_fails(
+    forms: LinearForms, usual: tuple[float, float], makes_up: tuple[float, float], spread: float, routes: int
+) -> None:
+    draw, share = random.Random(11), 1.2 / routes
+    short = share / (1.0 - share) * forms.hold(*makes_up)
+    fails = 0
+    for _ in range(300):
+        judge = EvidenceJudge(forms)
+        for _ in range(routes):
+            loss = short + draw.uniform(-spread, spread)
+            score, reference = makes_up if draw.random() < share else (usual[0] - loss, usual[1])
+            judge.read(score, reference)
+        fails += judge.close() == "fail"
+    assert fails <= 0.05 * 300
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list"])
+def test_a_pass_waits_until_the_references_are_shown_to_lie_on_one_side_of_the_floor(kind) -> None:
+    def taken(clean: float, floor: float) -> tuple[str, int]:
+        judge = judge_by(kind, RULE, planned=220, floor=floor)
+        return read(judge, [(clean, clean)] * 220)
+
+    soon = taken(90.0, 0.0)[1]
+    assert taken(90.0, 30.0) == ("pass", soon)
+    for clean in (34.0, 24.0):
+        decision, routes = taken(clean, 30.0)
+        assert decision == "pass"
+        assert taken(clean, 0.0)[1] < routes < 220
+    assert taken(30.1, 30.0) == ("pass", 220)
+
+
+def test_a_list_shows_its_mean_reference_as_soon_as_the_rest_cannot_turn_it() -> None:
+    assert read(judge_by("list", RULE, planned=4, floor=30.0), [(100.0, 100.0)] * 4) == ("pass", 3)
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list"])
+def test_a_fail_waits_for_no_floor(kind) -> None:
+    pairs = [(31.0, 0.0)] * 220
+    found = [read(judge_by(kind, RULE, planned=220, floor=floor), pairs) for floor in (0.0, 30.0)]
+    assert found[0] == found[1]
+    assert found[0][0] == "fail"
+    assert found[0][1] < 220
+
+
+def test_how_many_routes_are_likely_left_counts_those_that_the_floor_takes() -> None:
+    plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
+    for _ in range(10):
+        plain.read(32.0, 32.0)
+        waiting.read(32.0, 32.0)
+    assert plain.likely_left(220) < waiting.likely_left(220) <= 210

@@ -30,7 +30,8 @@ def reference(
             logs = [log + math.log1p(bet / bound * x) for log, bet in zip(logs, (0.2, 0.5, 0.9), strict=True)]
             yield max(logs) + math.log(fmean([math.exp(log - max(logs)) for log in logs]))
 
-    def p_mean_below_zero(values: list[float]) -> float:
+    def p_mean_below_zero(values: list[float], short: float = 0.0) -> float:
+        values = [value + short for value in values]
         count, mean = len(values), fmean(values)
         spread = math.sqrt(fmean([(value - mean) ** 2 for value in values]))
         u = mean / max(spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))
@@ -49,8 +50,13 @@ def reference(
         if within >= need:
             return "pass", count
     if len(hold) >= 20:
-        unseen = (1.0 / (1.0 + keep)) ** len(hold) if max(hold) <= 1e-10 else 0.0
-        if max(unseen, p_mean_below_zero(hold)) <= 0.8 * alpha:
+        mean = fmean(hold)
+        error = math.sqrt(fmean([(value - mean) ** 2 for value in hold]) / (len(hold) - 1))
+        unseen = (100.0 / (100.0 + max(0.0, 3.0 * error - mean))) ** len(hold)
+        for step in range(-8, 6):
+            short = max(0.0, 0.5 * step * error - mean)
+            unseen = max(unseen, p_mean_below_zero(hold, short) * (100.0 / (100.0 + short)) ** len(hold))
+        if unseen <= alpha and p_mean_below_zero(hold) <= 0.8 * alpha:
             return "fail", len(hold)
         if 1 - p_mean_below_zero([*slack, -100.0 * allow]) <= 0.8 * alpha:
             return "pass", len(hold)

@@ -243,7 +243,7 @@ def test_every_kind_of_episode_can_be_shown(tmp_path):
 def evidence():
     """Return a run with one requirement on RD, judged on twelve routes."""
     routes = resolve_routes("one-per-scenario")
-    order = planned_order([r.id for r in routes], [r.scenario.type for r in routes], "driver on one-per-scenario")[:12]
+    order = planned_order([r.id for r in routes], [r.scenario.type for r in routes], "driver")[:12]
     clean = [scored(route_id, 100.0) for route_id in order]
     perturbed = [scored(name, 50.0 + 4.0 * n, setting=SETTING) for n, name in enumerate(order)]
     value = 1.0 - sum(50.0 + 4.0 * n for n in range(12)) / 1200.0
