@@ -139,7 +139,7 @@ def routes_from_root(text: str, root: Path, here: Path) -> str:
     return os.path.relpath(root / found["file"], here) + (found["ids"] or "")
 
 
-def existing_folder(given: GivenText) -> str:
+def folder_path(given: GivenText) -> str:
     """Return a folder as it was said, one that the ini file names by its whole path; whoever uses it looks into it."""
     if not given.text or given.source is None or asked_for(given.flag, given.source):
         return given.text

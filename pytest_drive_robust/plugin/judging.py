@@ -90,8 +90,7 @@ class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
 
     Episodes are driven when they are first asked for; every test of the run shares them. Threads of a test may ask, and
-    are answered one after the other. Raises `UsageError` for a
-    marker of the test `item` that cannot be used.
+    are answered one after the other. Raises `UsageError` for a marker of the test `item` that cannot be used.
     """
 
     def __init__(self, context: DriveContext, item: pytest.Item) -> None:
