@@ -44,9 +44,14 @@ def activate(config: pytest.Config) -> None:
     waivers = Waivers.of(regression.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
     config.pluginmanager.register(InterruptPlugin(), "drive_robust_interrupt")
-    drive_here = partial(_drive_here, config, options, execution, regression)
+    if options.plan:
+        from pytest_drive_robust.plugin.plan_option import check_plan_alone
+
+        check_plan_alone(config)
+    checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
+    drive_here = partial(_drive_here, config, options, execution, regression, checks)
     if not is_worker(config):
-        _report_here(config, options, execution, regression, waivers, drive_here)
+        _report_here(config, options, execution, regression, checks, drive_here)
         return
     folder = xdist.join_run(config, options, partial(drive_here, shared=True))
     if not options.is_external:
@@ -63,15 +68,10 @@ def _report_here(
     options: RunOptions,
     execution: ExecutionOptions,
     regression: RegressionOptions,
-    waivers: Waivers,
+    checks: RegressionChecks,
     drive_here: Callable[..., None],
 ) -> None:
     """Drive here or follow what the workers drive: in the one process that people look at."""
-    if options.plan:
-        from pytest_drive_robust.plugin.plan_option import check_plan_alone
-
-        check_plan_alone(config)
-    checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
     if options.report_path is not None:
         from pytest_drive_robust.report.pages.folder import check_folder  # loads what pages are made with
 
@@ -97,6 +97,7 @@ def _drive_here(
     options: RunOptions,
     execution: ExecutionOptions,
     regression: RegressionOptions,
+    checks: RegressionChecks,
     store: EpisodeStore,
     observer: Observer,
     *,
@@ -108,7 +109,7 @@ def _drive_here(
     )
     config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign)
     config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
-    collection = CollectionPlugin()
+    collection = CollectionPlugin(checks)
     config.pluginmanager.register(collection, "drive_robust_collection")
     if options.plan:
         from pytest_drive_robust.plugin.plan_option import PlanPlugin

@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, FIXTURES
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker
+from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.requirement_place import requirements_of
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
 from pytest_drive_robust.registry.plugins import plugin_words
@@ -28,7 +29,8 @@ class CollectionPlugin:
     `requests` are these episodes by key, `verdict_plans` what their verdicts read of them; in the order of the tests.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, checks: RegressionChecks) -> None:
+        self._checks = checks
         self.requests: dict[str, EpisodeRequest] = {}
         self.verdict_plans: list[VerdictPlan] = []
         self._advice: dict[tuple[int, float, float], str] = {}  # by number of routes, margin and alpha
@@ -50,14 +52,16 @@ class CollectionPlugin:
             return
         context = _with_all_plugins(config)
         note_problem(config, "", context.scopes.check)
-        for item in session.items:
-            if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
-                note_problem(config, item.nodeid, lambda item=item: self._add(context, item))  # type: ignore[misc]
+        driving = [item for item in session.items if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))]
+        for item in driving:
+            note_problem(config, item.nodeid, lambda item=item: self._add(context, item))  # type: ignore[misc]
         if context.options.correction != "none":
             context = context._replace(family=max(1, self._judged_by_evidence))
             config.stash[DRIVE_CONTEXT] = context
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
+        whole = all(map(requirements_of, driving))  # others say in their bodies what they need
+        note_problem(config, "", lambda: self._checks.check_plan(self.requests.values(), whole=whole))
         self._advice_on_scopes = context.scopes.advice()
         if is_worker(config) and self._advised:
             context.campaign.observer(Advised(self._advised))  # the controller shows it

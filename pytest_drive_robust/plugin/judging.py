@@ -90,7 +90,8 @@ class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
 
     Episodes are driven when they are first asked for; every test of the run shares them. Threads of a test may ask, and
-    are answered one after the other. Raises `UsageError` for a marker of the test `item` that cannot be used.
+    are answered one after the other. A setting is a `Setting`, a `Perturbation` or a sentence, such as
+    `"GPS noise 15 m and 200 ms latency"`. Raises `UsageError` for a marker of the test `item` that cannot be used.
     """
 
     def __init__(self, context: DriveContext, item: pytest.Item) -> None:
@@ -139,22 +140,22 @@ class Drive:
             self._fail(judgement)
         return judgement.verdict
 
-    def rd(self, setting: Setting | Perturbation) -> Estimate:
+    def rd(self, setting: Setting | Perturbation | str) -> Estimate:
         """Return the robustness degradation under `setting`: 0 is none, 1 is all of the clean driving score."""
         __tracebackhide__ = True
         return self._measure("RD", setting, "<=", 0.0)
 
-    def ds(self, setting: Setting | Perturbation) -> Estimate:
+    def ds(self, setting: Setting | Perturbation | str) -> Estimate:
         """Return the driving score under `setting`, 0..100."""
         __tracebackhide__ = True
         return self._measure("DS", setting, ">=", 50.0)
 
-    def sr(self, setting: Setting | Perturbation) -> Estimate:
+    def sr(self, setting: Setting | Perturbation | str) -> Estimate:
         """Return the success rate under `setting`, 0..1."""
         __tracebackhide__ = True
         return self._measure("SR", setting, ">=", 0.5)
 
-    def episodes(self, setting: Setting | Perturbation) -> tuple[EpisodeResult, ...]:
+    def episodes(self, setting: Setting | Perturbation | str) -> tuple[EpisodeResult, ...]:
         """Return every episode under `setting`, driven where missing: routes within seeds."""
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
@@ -213,15 +214,17 @@ class Drive:
     def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
 
-    def _measure(self, metric: str, setting: Setting | Perturbation, comparison: str, limit: float) -> Estimate:
+    def _measure(self, metric: str, setting: Setting | Perturbation | str, comparison: str, limit: float) -> Estimate:
         """Measure by a requirement whose limit says nothing; the test has its own."""
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, self._setting(setting), comparison, limit)
             return Estimate.of(self._context.campaign.measure(requirement, self._scope))
 
-    def _setting(self, given: Setting | Perturbation) -> Setting:
-        """Return what is driven: the failures as this test reads them."""
+    def _setting(self, given: Setting | Perturbation | str) -> Setting:
+        """Return what is driven: the failures as this test reads them, a sentence among them."""
+        if isinstance(given, str):
+            given = self._context.scopes.setting(given)
         return (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
 
     @contextmanager

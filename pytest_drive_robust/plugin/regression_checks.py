@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.comparison import compare
@@ -15,6 +17,7 @@ from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.events import Judged
 
 
@@ -29,6 +32,7 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._open_fails = options.inconclusive == "fail"
+        self._stuck_stop_s = options.stuck_stop_s
         self._references = References(regression.home, regression.baselines)
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy)
         self._before = self._load(options.simulator) if regression.compare else None
@@ -37,6 +41,15 @@ class RegressionChecks:
         self.document_before = self._references.document(regression.compare) if wanted else None
         self.comparison: Comparison | None = None
         self._lines: list[str] = []
+
+    def check_plan(self, requests: Iterable[EpisodeRequest], *, whole: bool) -> None:
+        """Raise `UsageError` where the comparison would be refused, as far as the plan tells (`whole`: all of it)."""
+        if self._before is not None:
+            from pytest_drive_robust.regression.planned_run import check_planned_run
+
+            check_planned_run(
+                self._before, requests, whole=whole, stuck_stop_s=self._stuck_stop_s, policy=self._regression.policy
+            )
 
     def finish(self, run: RunResult, *, whole: bool) -> bool:
         """Store, compare, review. True when the run must not be green; `whole`: every test was selected and ran."""

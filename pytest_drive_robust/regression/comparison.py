@@ -10,7 +10,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
-from pytest_drive_robust.regression.shared_routes import Pair, Shared, pairs_of
+from pytest_drive_robust.regression.shared_routes import Pair, Shared, other_content, pairs_of
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
@@ -196,7 +196,4 @@ def _cell_mismatches(old: Cell, new: Cell) -> Iterable[Mismatch]:
         if (was.fingerprint, now.fingerprint) not in seen:
             seen.append((was.fingerprint, now.fingerprint))
             yield from mismatches(was.fingerprint, now.fingerprint, agent=new.agent)
-    others = [now.route_id for was, now in pairs if was.digest and now.digest and was.digest != now.digest]
-    if others:
-        shown = ", ".join(others[:5]) + (f" and {len(others) - 5} more" if len(others) > 5 else "")
-        yield Mismatch("routes", f"{len(others)} of {len(pairs)} routes are others by the same id: {shown}")
+    yield from other_content(old, {route: score.digest for route, score in new.routes.items()})

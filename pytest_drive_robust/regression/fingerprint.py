@@ -83,13 +83,18 @@ def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[
 def _simulators(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
     if before.world != after.world:
         yield Mismatch("simulator", f"the simulator was {before.world} and is {after.world}")
-    if before.stuck_stop_s != after.stuck_stop_s:
-        was, now = (_stop(item.stuck_stop_s) for item in (before, after))
-        yield Mismatch("simulator", f"episodes of a stuck agent were stopped {was} and are stopped {now}")
+    yield from stuck_stops(before.stuck_stop_s, after.stuck_stop_s)
+
+
+def stuck_stops(before_s: float | None, after_s: float | None) -> Iterable[Mismatch]:
+    """Yield what differs between the times after which two runs stop the episode of a stuck agent; None for never."""
+    if before_s != after_s:
+        was, now = _stop(before_s), _stop(after_s)
+        yield Mismatch("simulator", f"episodes of a stuck agent were {was} and are {now}")
 
 
 def _stop(seconds: float | None) -> str:
-    return "never early" if seconds is None else f"after {seconds:g} s"
+    return "never stopped early" if seconds is None else f"stopped after {seconds:g} s"
 
 
 def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:

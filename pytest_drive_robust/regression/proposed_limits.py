@@ -44,7 +44,7 @@ def propose_limits(
 
     Left out is what no limit could be broken by (an RD that may be 1, a DS that may be 0) and an RD whose clean driving
     score says nothing. Raises `UsageError` where nothing is left, for an agent that is not in the run, and where some
-    of its episodes were not scored.
+    of its episodes were not scored or its verdicts did without some of the routes.
     """
     cells = {
         Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
@@ -57,6 +57,14 @@ def propose_limits(
         raise UsageError(
             f"the run {run.label!r} is incomplete: {agent} under {broken[0]}{more}. Such a run gives no limits: run "
             "its command again."
+        )
+    stopped = [f"{told} under {setting}" for setting, cell in cells.items() for told in cell.stopped]
+    if stopped:
+        more = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
+        raise UsageError(
+            f"the run {run.label!r} was driven until its verdicts were in: {agent} on {stopped[0]}{more}. Which routes "
+            "it drove depends on the limits that it had, so it gives no others. Drive it with --drive-save or "
+            "--drive-verdict=point."
         )
     proposed = [_proposed(setting, cells, rule) for setting in cells]
     found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)

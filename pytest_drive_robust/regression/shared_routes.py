@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from pytest_drive_robust.regression.fingerprint import Mismatch
@@ -31,10 +31,8 @@ class Shared:
 
     @classmethod
     def of(cls, before: Snapshot, after: Snapshot) -> Shared:
-        """Match agents by name; where each run has one agent and the names differ, these two."""
-        renamed = {}
-        if len(before.agents) == len(after.agents) == 1 and before.agents != after.agents:
-            renamed = {after.agents[0]: before.agents[0]}
+        """Match agents as `renamed_agents` says."""
+        renamed = renamed_agents(before.agents, after.agents)
         matched = [
             (before.cells.get((renamed.get(agent, agent), setting)), new)
             for (agent, setting), new in after.cells.items()
@@ -54,9 +52,14 @@ class Shared:
             *(f"not in {after.label}: {_named(old)}" for old in before.cells.values() if old not in known),
         ]
         notes = [f"{old} is compared with {new}" for new, old in renamed.items()]
-        only_new = [told for old, new in compared for told in _only_in(new, old)]
+        only_new = [told for old, new in compared for told in _only_in(new, old.routes)]
         notes += [f"not in {before.label}: {_first_of(only_new)}"] if only_new else []
-        mismatches = (*_stopped(before, after, pairs), *_not_driven(before, after, pairs))
+        whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]  # these tell themselves
+        mismatches = (
+            *stopped(before.label, [old for old, _ in pairs]),
+            *stopped(after.label, [new for _, new in pairs]),
+            *not_driven(before.label, after.label, whole),
+        )
         return cls(compared, unscored, tuple(lacking), mismatches, tuple(notes))
 
 
@@ -68,31 +71,47 @@ def pairs_of(old: Cell, new: Cell) -> list[Pair]:
     return [(old.routes[route], new.routes[route]) for route in order]
 
 
-def _stopped(before: Snapshot, after: Snapshot, pairs: Sequence[CellPair]) -> Iterable[Mismatch]:
-    """Yield a mismatch for each run whose verdicts did without some routes of what is compared."""
-    for run, cells in ((before, [old for old, _ in pairs]), (after, [new for _, new in pairs])):
-        told = [f"{routes} under {cell.setting}" for cell in cells for routes in cell.stopped]
-        if told:
-            text = f"{run.label} was driven until its verdicts were in, which says nothing about two runs"
-            yield Mismatch(
-                "routes", f"{text}: {_first_of(told)}", "Drive that run with --drive-save or --drive-verdict=point"
-            )
+def renamed_agents(before: Sequence[str], after: Sequence[str]) -> Mapping[str, str]:
+    """Return what agents of the new run are called in the old one, where the names differ: each run has one agent."""
+    return {after[0]: before[0]} if len(before) == len(after) == 1 and after[0] != before[0] else {}
 
 
-def _not_driven(before: Snapshot, after: Snapshot, pairs: Sequence[CellPair]) -> Iterable[Mismatch]:
-    """Yield a mismatch where the new run lacks routes of the old one; what ended early is told of by itself."""
-    told = [told for old, new in pairs if not (new.broken or new.stopped) for told in _only_in(old, new)]
+def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
+    """Yield a mismatch where the verdicts of the run did without some routes of these cells."""
+    told = [f"{routes} under {cell.setting}" for cell in cells for routes in cell.stopped]
     if told:
-        text = f"{after.label} lacks routes of {before.label}: {_first_of(told)}"
-        yield Mismatch("routes", text, "Drive these routes, too")
+        text = f"{label} was driven until its verdicts were in, which says nothing about two runs"
+        yield Mismatch(
+            "routes", f"{text}: {_first_of(told)}", "Drive that run with --drive-save or --drive-verdict=point"
+        )
 
 
-def _only_in(one: Cell, other: Cell) -> Iterable[str]:
+def not_driven(before: str, after: str, pairs: Iterable[tuple[Cell, Collection[str]]]) -> Iterable[Mismatch]:
+    """Yield a mismatch where the new run, which has these routes for a cell of the old one, lacks some of it."""
+    told = [told for old, routes in pairs for told in _only_in(old, routes)]
+    if told:
+        yield Mismatch("routes", f"{after} lacks routes of {before}: {_first_of(told)}", "Drive these routes, too")
+
+
+def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
+    """Yield a mismatch where routes of the new run, which have these digests, are others by the same id."""
+    shared = [(route, old.routes[route].digest, digest) for route, digest in digests.items() if route in old.routes]
+    others = [route for route, was, now in shared if was and now and was != now]
+    if others:
+        shown = ", ".join(others[:_MOST_ROUTES]) + _and_more(others)
+        yield Mismatch("routes", f"{len(others)} of {len(shared)} routes are others by the same id: {shown}")
+
+
+def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:
     """Yield how many routes of `one` the `other` lacks, and which; nothing where it lacks none."""
-    lacking = [route for route in one.routes if route not in other.routes]
+    lacking = [route for route in one.routes if route not in other]
     if lacking:
-        more = f" and {len(lacking) - _MOST_ROUTES} more" if len(lacking) > _MOST_ROUTES else ""
-        yield f"{len(lacking)} of {len(one.routes)} under {one.setting} ({', '.join(lacking[:_MOST_ROUTES])}{more})"
+        shown = ", ".join(lacking[:_MOST_ROUTES]) + _and_more(lacking)
+        yield f"{len(lacking)} of {len(one.routes)} under {one.setting} ({shown})"
+
+
+def _and_more(routes: Sequence[str]) -> str:
+    return f" and {len(routes) - _MOST_ROUTES} more" if len(routes) > _MOST_ROUTES else ""
 
 
 def _first_of(told: Sequence[str]) -> str:

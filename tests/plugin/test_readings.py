@@ -31,6 +31,7 @@ def test_objects_and_sentences_are_read_alike(drive):
     assert drive.check(requirement("RD", InferenceLatency(ms=150)) <= 0.9).requirement.setting == READ_BY_THE_RUN
     assert drive.rd(InferenceLatency(ms=150)).setting == read
     assert drive.ds(Setting.parse("150 ms latency")).setting == read
+    assert drive.sr("150 ms latency").setting == read
     assert {episode.episode.setting for episode in drive.episodes(InferenceLatency(ms=150))} == {read}
 
 def test_a_search_keeps_to_the_reading(drive):

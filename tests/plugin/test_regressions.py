@@ -176,40 +176,70 @@ def test_a_run_of_another_simulator_is_refused_before_anything_was_driven(suite,
     assert driven() == []
 
 
-def test_routes_that_became_others_refuse_the_comparison(suite):
+def refused(folder, driven, *args):
+    """Return what a run says that is refused before it drives."""
+    before = len(driven())
+    result = run(folder, *args)
+    assert result.ret == 4
+    assert len(driven()) == before
+    return "\n".join((*result.outlines, *result.errlines))
+
+
+@processes
+def test_routes_that_became_others_refuse_the_comparison(suite, driven, workers):
     folder = suite(HOLDS)
     run(folder, "--drive-save=before")
     save_routes([fake_route(str(number), length_m=7.0) for number in (1, 2, 3)], folder.path / "routes.xml")
-    result = run(folder, "--drive-compare=before")
-    assert result.ret == 1
-    result.stdout.fnmatch_lines(["refused: 3 of 3 routes *", "NOT COMPARED with before: *--drive-on-mismatch=warn*"])
+    told = refused(folder, driven, "--drive-compare=before", *workers)
+    assert "could not be compared with before: 3 of 3 routes are others by the same id: 1, 2, 3. Drive both" in told
+    assert "or give --drive-on-mismatch=warn" in told
     assert run(folder, "--drive-compare=before", "--drive-on-mismatch=warn").ret == 0
 
 
-def test_fewer_routes_than_before_are_no_green_comparison(suite):
-    folder = suite(HOLDS, ALSO)
-    run(folder, "--drive-save=before")
+@processes
+def test_fewer_routes_than_before_are_refused(both, driven, workers):
+    run(both, "--drive-save=before")
     one = ("--drive-routes", "routes.xml:1", "--drive-compare=before")
-    result = run(folder, *one)
-    assert result.ret == 1
-    result.stdout.fnmatch_lines(["NOT COMPARED with before: this run lacks routes of before: 2 of 3 under *"])
-    assert "Drive these routes, too, or give" in result.stdout.str()
-    allowed = run(folder, *one, "--drive-on-mismatch=warn", "-k", "clean")
+    told = refused(both, driven, *one, *workers)
+    assert "this run could not be compared with before: this run lacks routes of before: 2 of 3 under " in told
+    assert "Drive these routes, too, or give --drive-on-mismatch=warn." in told
+    allowed = run(both, *one, "--drive-on-mismatch=warn", "-k", "clean")
     assert allowed.ret == 0
     allowed.stdout.fnmatch_lines(
         ["no regression on 1 of 3 routes in 1 of 2 settings against before: not one score changed"]
     )
 
 
-def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite):
+def test_what_a_test_asks_for_in_its_body_is_compared_once_it_is_driven(suite):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    folder.makepyfile(
+        test_body="""
+        def test_it(drive):
+            assert drive.ds("throttle 0.9") >= 1
+        """
+    )
+    one = ("--drive-routes", "routes.xml:1", "--drive-compare=before", "test_body.py")
+    result = run(folder, *one)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["NOT COMPARED with before: this run lacks routes of before: 2 of 3 under *"])
+    assert "Drive these routes, too, or give" in result.stdout.str()
+
+
+def test_another_time_of_standing_is_refused(suite, driven):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    told = refused(folder, driven, "--drive-compare=before", "--drive-stuck-stop=60")
+    assert "episodes of a stuck agent were never stopped early and are stopped after 60 s" in told
+
+
+def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite, driven):
     folder = suite(HOLDS)
     many_routes(folder)
     run(folder, EVIDENCE, "--drive-json=early.json")
-    result = run(folder, EVIDENCE, "--drive-compare=early.json")
-    assert result.ret == 1
-    result.stdout.fnmatch_lines(
-        ["NOT COMPARED with early.json: early.json was driven until its verdicts were in*--drive-verdict=point, or *"]
-    )
+    told = refused(folder, driven, EVIDENCE, "--drive-compare=early.json")
+    assert "with early.json: early.json was driven until its verdicts were in" in told
+    assert "Drive that run with --drive-save or --drive-verdict=point, or" in told
     run(folder, "--drive-verdict=point", "--drive-json=whole.json")
     assert run(folder, EVIDENCE, "--drive-compare=whole.json").ret == 0
 

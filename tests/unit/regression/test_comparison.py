@@ -285,7 +285,7 @@ def test_another_simulator_or_route_refuses_and_another_library_warns() -> None:
 def test_another_way_to_stop_stuck_episodes_is_another_simulator() -> None:
     new = snapshot(cell(BUSY, fingerprint=replace(PRINT, stuck_stop_s=30.0)))
     (mismatch,) = compare(snapshot(cell(BUSY)), new).refusals
-    assert mismatch.text == "episodes of a stuck agent were stopped never early and are stopped after 30 s"
+    assert mismatch.text == "episodes of a stuck agent were never stopped early and are stopped after 30 s"
 
 
 def test_a_run_that_names_its_vehicle_is_read_all_the_same() -> None:

@@ -71,6 +71,15 @@ def test_a_run_that_is_not_whole_gives_none() -> None:
         limits(replace(whole, cells=cells))
 
 
+def test_a_run_that_stopped_at_its_verdicts_gives_none() -> None:
+    whole = run([100.0] * 5, [90.0] * 5)
+    cells = {key: replace(cell, stopped=("5 of 44 routes of all",)) for key, cell in whole.cells.items()}
+    with pytest.raises(
+        UsageError, match=r"driver on 5 of 44 routes of all under clean \(and 1 more\).*--drive-verdict=point"
+    ):
+        limits(replace(whole, cells=cells))
+
+
 def test_more_routes_allow_a_limit_nearer_to_the_value() -> None:
     clean, perturbed = [100.0, 40.0, 80.0, 60.0], [90.0, 20.0, 100.0, 10.0]
     few, many = (limits(run(clean * times, perturbed * times))[1] for times in (6, 50))
