@@ -9,7 +9,7 @@ from typing import Any
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
-from pytest_drive_robust.options.parsers import folder_path, gigabytes, one_of, time_limit_s
+from pytest_drive_robust.options.parsers import folder_path, gigabytes, one_of, program, time_limit_s
 from pytest_drive_robust.options.run import BENCH2DRIVE
 
 _GUARDS = ("--drive-episode-timeout", "--drive-act-timeout", "--drive-memory")
@@ -65,7 +65,7 @@ class ExecutionOptions:
     memory_bytes: int | None = option("--drive-memory", parse=gigabytes)
     ray_address: str = option("--drive-ray-address")
     b2d_root: str = option("--drive-b2d-root", parse=folder_path)
-    b2d_python: str = option("--drive-b2d-python")
+    b2d_python: str = option("--drive-b2d-python", parse=program)
     results: str = option("--drive-results")
     budget_s: float | None = option("--drive-budget", parse=time_limit_s)
 

@@ -146,6 +146,11 @@ def folder_path(given: GivenText) -> str:
     return str(start_folder(given) / given.text)
 
 
+def program(given: GivenText) -> str:
+    """Return a program as `folder_path` does where it is named by a path; a bare name is looked up by the system."""
+    return folder_path(given) if len(Path(given.text).parts) > 1 else given.text
+
+
 def store_folder(given: GivenText) -> str:
     """Return the folder of the store, relative to the root folder, or `"off"`.
 

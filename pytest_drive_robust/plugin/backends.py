@@ -67,7 +67,9 @@ def _read_results(config: pytest.Config, options: RunOptions, execution: Executi
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
     known = default_registry().perturbations()
-    results = config.stash[_RESULTS] = ResultsExecutor.read(execution.results, known, options.asked_reading)
+    start = None if asked_for("--drive-results", config) else config.rootpath  # a file of the project names them
+    results = ResultsExecutor.read(execution.results, known, options.asked_reading, start=start)
+    config.stash[_RESULTS] = results
     return results
 
 

@@ -75,6 +75,15 @@ BOTH = "clean=clean.json,200 ms latency=late.json"
 
 
 @pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["alone", "xdist"])
+def test_paths_of_the_ini_file_start_from_the_root_folder(results, pytester, plugin_args, monkeypatch, workers):
+    pytester.makeini(f"[pytest]\ndrive_verdict = point\ndrive_results = {BOTH}\n")
+    elsewhere = pytester.mkdir("elsewhere")
+    monkeypatch.chdir(elsewhere)
+    result = pytester.runpytest_inprocess(*plugin_args, "--drive-robust", str(pytester.path), *workers)
+    result.assert_outcomes(passed=2, failed=1)
+
+
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["alone", "xdist"])
 def test_requirements_are_judged_without_a_simulator(results, pytester, workers):
     result = results(BOTH, "--drive-json", "run.json", *workers)
     result.assert_outcomes(passed=2, failed=1)

@@ -142,11 +142,19 @@ class ResultsExecutor(Executor):
 
     @classmethod
     def read(
-        cls, text: str, known: Mapping[str, type[Perturbation]] | None = None, reading: DriveReading | None = None
+        cls,
+        text: str,
+        known: Mapping[str, type[Perturbation]] | None = None,
+        reading: DriveReading | None = None,
+        *,
+        start: Path | None = None,
     ) -> ResultsExecutor:
-        """Read everything that a `--drive-results` names, as `parse_results` does. Raises `UsageError`."""
+        """Read everything that a `--drive-results` names, as `parse_results` does; relative paths begin at `start`.
+
+        Raises `UsageError`.
+        """
         named = parse_results(text, known, reading)
-        return cls([ResultsSource.read(setting, path) for setting, path in named.items()])
+        return cls([ResultsSource.read(setting, (start or Path()) / path) for setting, path in named.items()])
 
     @property
     def routes(self) -> tuple[Route, ...]:

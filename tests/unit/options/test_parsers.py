@@ -1,10 +1,13 @@
 from __future__ import annotations
 
+from pathlib import Path
+from types import SimpleNamespace
+
 import pytest
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.option import GivenText
-from pytest_drive_robust.options.parsers import check_seeds, gigabytes, one_of, seed_list, time_limit_s
+from pytest_drive_robust.options.parsers import check_seeds, gigabytes, one_of, program, seed_list, time_limit_s
 
 
 @pytest.mark.parametrize("text", ["", "x", "1,", "-1", "1.5", "0,0", "²"])
@@ -41,3 +44,18 @@ def test_gigabytes_become_bytes(text, expected):
 def test_a_name_that_is_not_known_is_refused_with_the_nearest():
     with pytest.raises(UnknownNameError, match=r"Did you mean 'fixed'\?.*Set it with --drive-metrics"):
         one_of(("bench2drive", "fixed"), "metric mode")(GivenText("--drive-metrics", "fixd"))
+
+
+@pytest.mark.parametrize(
+    ("text", "of_ini", "of_command_line"),
+    [
+        ("", "", ""),
+        ("python3.8", "python3.8", "python3.8"),
+        ("env/bin/python", "/root/env/bin/python", "env/bin/python"),
+    ],
+)
+def test_a_program_that_the_ini_file_names_by_a_path_starts_from_the_root(text, of_ini, of_command_line):
+    of_file = SimpleNamespace(rootpath=Path("/root"), getoption=lambda name: None)
+    typed = SimpleNamespace(rootpath=Path("/root"), getoption=lambda name: text)
+    assert program(GivenText("--drive-b2d-python", text, of_file)) == of_ini
+    assert program(GivenText("--drive-b2d-python", text, typed)) == of_command_line
