@@ -8,6 +8,7 @@ from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
+from pytest_drive_robust.cli.tables import columns_of_screen
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.regression.allowance import parse_allowances
@@ -55,7 +56,7 @@ def _compare(options: argparse.Namespace) -> int:
     after = references.load(options.after)
     before = references.load(options.before, simulator=after.simulator)
     comparison = compare(before, after, terms)
-    print(comparison_text(comparison, colour=sys.stdout.isatty()))
+    print(comparison_text(comparison, colour=sys.stdout.isatty(), width=columns_of_screen()))
     if comparison.refusals:
         return 4
     return 1 if comparison.regressed else 0

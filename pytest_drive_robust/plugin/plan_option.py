@@ -9,6 +9,7 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.process_roles import is_controller
+from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executors import Executor
@@ -51,6 +52,7 @@ class PlanPlugin:
                 slots=self.executor.slots,
                 together=self.executor.together,
                 colour=reporter.hasmarkup,
+                width=columns_of_screen(reporter),
             )
             reporter.section("drive-robust plan")
             reporter.write_line(text)

@@ -66,12 +66,12 @@ class RegressionChecks:
             red = self._compare(self._before, document) or red
         return red
 
-    def sections(self, *, colour: bool) -> list[tuple[str, str]]:
+    def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
         """Return (title, text) of what there is to tell."""
         told = []
         if self.comparison is not None:
             title = f"drive-robust: compared with {self.comparison.before.label}"
-            told.append((title, comparison_text(self.comparison, colour=colour)))
+            told.append((title, comparison_text(self.comparison, colour=colour, width=width)))
         if self._lines:
             told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
         return told

@@ -12,6 +12,7 @@ from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import is_open
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
+from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
@@ -80,11 +81,12 @@ class ReportingPlugin:
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""
-        text = self._outputs.text(colour=terminalreporter.hasmarkup)
+        width = columns_of_screen(terminalreporter)
+        text = self._outputs.text(colour=terminalreporter.hasmarkup, width=width)
         if text:
             terminalreporter.section("drive-robust")
             terminalreporter.write_line(text)
-        for title, text in self._outputs.sections(colour=terminalreporter.hasmarkup):
+        for title, text in self._outputs.sections(colour=terminalreporter.hasmarkup, width=width):
             terminalreporter.section(title)
             terminalreporter.write_line(text)
 

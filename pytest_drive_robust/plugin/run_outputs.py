@@ -124,19 +124,19 @@ class RunOutputs:
             before = RunRecords.of(other, self._record.store.get, registry, label=checks.comparison.before.label)
         self._page = write_pages(folder, records, comparison=checks.comparison, before=before)
 
-    def sections(self, *, colour: bool) -> list[tuple[str, str]]:
+    def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
         """Return (title, text) of what comes after the table."""
         try:
-            return self._checks.sections(colour=colour)
+            return self._checks.sections(colour=colour, width=width)
         except Exception as error:
             return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
 
-    def text(self, *, colour: bool) -> str:
+    def text(self, *, colour: bool, width: int) -> str:
         """Return the table and what is wrong with the run; empty when there is nothing to say."""
         parts = []
         if self._run is not None:
             try:
-                parts.append(run_summary(self._run, colour=colour))
+                parts.append(run_summary(self._run, colour=colour, width=width))
             except Exception as error:
                 parts.append(f"the table could not be drawn: {_reason(error)}")
         if self._page is not None:

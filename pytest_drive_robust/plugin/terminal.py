@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from functools import partial
 from typing import Any, TextIO
 
+import pytest
+
+from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
 
 
@@ -23,6 +27,11 @@ def uncaptured_screen(reporter: Any, capture: Any, writer: Any) -> Iterator[Text
             writer.line()
         yield sys.stdout
         sys.stdout.flush()
+
+
+def columns_of_screen(reporter: pytest.TerminalReporter) -> int:
+    """Return how many columns a report may have: those of the terminal; what goes into a file has those of a page."""
+    return shutil.get_terminal_size((WIDTH, 24)).columns if reporter.isatty else WIDTH
 
 
 def progress_for(config: Any) -> Progress:

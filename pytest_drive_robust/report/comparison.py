@@ -11,14 +11,17 @@ from pytest_drive_robust.regression.snapshot import RouteScore
 from pytest_drive_robust.regression.verdicts import Rise
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import beside, counted, shown
-from pytest_drive_robust.report.page import Page, cut
+from pytest_drive_robust.report.page import WIDTH, Page, cut
 
 _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
 
 
-def comparison_text(comparison: Comparison, *, colour: bool) -> str:
-    """Tell everything about a comparison, of one that is refused only why. `colour` adds terminal escapes."""
-    page = Page(colour=colour)
+def comparison_text(comparison: Comparison, *, colour: bool, width: int = WIDTH) -> str:
+    """Tell everything about a comparison, of one that is refused only why.
+
+    `colour` adds terminal escapes; `width` is how many columns there are.
+    """
+    page = Page(colour=colour, width=width)
     for line in _fingerprint_lines(comparison):
         page.print(line, wraps=False)
     if not comparison.refusals:

@@ -12,6 +12,7 @@ from pytest_drive_robust.report.numbers import counted, interval_text, shown, sh
 from pytest_drive_robust.report.page import WIDTH, cut
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.explain import seconds_text
 
 
 def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, privileged: bool) -> str:
@@ -125,7 +126,7 @@ def _worst(verdict: Verdict) -> list[str]:
         if not compared:
             lines += [head, _story(under, item.perturbed_score, item.perturbed_outcome, of(item.perturbed_value))]
             continue
-        parted = "" if item.diverged_s is None else f", diverged at {item.diverged_s:.1f} s {item.diverged_by}"
+        parted = "" if item.diverged_s is None else f", diverged at {seconds_text(item.diverged_s)} {item.diverged_by}"
         lines += [
             cut(head, WIDTH - len(parted)) + parted,
             _story("clean", item.clean_score, item.clean_outcome, of(item.clean_value)),

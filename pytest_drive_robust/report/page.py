@@ -1,4 +1,4 @@
-"""Tables and lines as one text of at most `WIDTH` columns."""
+"""Tables and lines as one text of at most `WIDTH` columns, fewer where a terminal has fewer."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WIDTH = 100
-_LEAST_SETTING = 18
+_USUAL_SETTING, _LEAST_SETTING = 18, 12
 _UNLIMITED = 10_000
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 
 
 class Page:
-    """What is printed on it, as text. `colour` adds terminal escapes."""
+    """What is printed on it, as text. `colour` adds terminal escapes; no page is wider than `WIDTH`."""
 
-    def __init__(self, *, colour: bool) -> None:
+    def __init__(self, *, colour: bool, width: int = WIDTH) -> None:
         from rich.console import Console
 
         self._colour = colour
+        self._width = min(width, WIDTH)
         self._stream = StringIO()
         self._console = Console(
             file=self._stream,
-            width=WIDTH,
+            width=self._width,
             highlight=False,
             markup=False,
             emoji=False,  # a message holds file:100:line as it is
@@ -49,28 +50,34 @@ class Page:
         """Add a table of agents and settings with columns of `numbers` and perhaps of verdicts, which have colours.
 
         Long names of agents and settings are folded. Where the table would be too wide still, brackets behind numbers
-        go to a line of their own; where that is not enough, it is wider than a page: no number is cut. It is ruled
-        where colours are shown.
+        go to a line of their own, then settings are folded more; where that is not enough, it is wider than a page: no
+        number is cut. It is ruled where colours are shown.
         """
+        cells = [tuple(row) for row in rows]
+        below = [_brackets_below(row) for row in cells]
+        for lines, narrowest in ((cells, _USUAL_SETTING), (below, _USUAL_SETTING), (below, _LEAST_SETTING)):
+            narrow = self._table(numbers, lines, agent_width, narrowest, verdicts=verdicts)
+            least = self._width_of(narrow)
+            if least <= self._width:
+                break
+        # what is left is the setting's: rich would take it from agents, too, and then cut the last column
+        widest = narrowest + max(self._width - least, 0)
+        widest = widest if setting_width is None else min(widest, setting_width)
+        self._console.width = max(self._width, least)
+        self._console.print(self._table(numbers, lines, agent_width, widest, verdicts=verdicts))
+        self._console.width = self._width
+
+    def _width_of(self, table: Table) -> int:
         from rich.measure import Measurement
 
-        cells = [tuple(row) for row in rows]
-        unlimited = self._console.options.update(max_width=_UNLIMITED)
-        for lines in (cells, [_brackets_below(row) for row in cells]):
-            table = self._table(numbers, lines, agent_width, setting_width, verdicts=verdicts)
-            least = Measurement.get(self._console, unlimited, table).minimum
-            if least <= WIDTH:
-                break
-        self._console.width = max(WIDTH, least)
-        self._console.print(table)
-        self._console.width = WIDTH
+        return Measurement.get(self._console, self._console.options.update(max_width=_UNLIMITED), table).minimum
 
     def _table(
         self,
         numbers: Sequence[str],
         rows: Sequence[Sequence[str]],
         agent_width: int,
-        setting_width: int | None,
+        setting_width: int,
         *,
         verdicts: bool,
     ) -> Table:
@@ -84,9 +91,8 @@ class Page:
         ]
         ruled = box.SIMPLE_HEAD if self._colour else None
         table = Table(box=ruled, pad_edge=False, padding=(0, 1), header_style="bold")
-        table.add_column("agent", min_width=min(longest[0], agent_width), max_width=agent_width, overflow="fold")
-        least = min(longest[1], _LEAST_SETTING)
-        table.add_column("setting", min_width=least, max_width=setting_width, overflow="fold")
+        for name, width in (("agent", min(longest[0], agent_width)), ("setting", min(longest[1], setting_width))):
+            table.add_column(name, min_width=width, max_width=width, overflow="fold")
         for name, width in zip(numbers, longest[2:], strict=False):
             table.add_column(name, justify="right", no_wrap=True, min_width=width)
         if verdicts:

@@ -9,7 +9,7 @@ from statistics import fmean
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.numbers import duration_text
-from pytest_drive_robust.report.page import Page
+from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 
@@ -22,6 +22,7 @@ def plan_text(
     slots: int,
     together: Callable[[str], int] = lambda agent: 1,
     colour: bool,
+    width: int = WIDTH,
 ) -> str:
     """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
 
@@ -44,7 +45,7 @@ def plan_text(
         elif request.key in possible:
             count[2] += 1
             left[agent] += request.key in likely
-    page = Page(colour=colour)
+    page = Page(colour=colour, width=width)
     rows = [(*names, *map(str, numbers)) for names, numbers in counts.items()]
     page.table(("episodes", "stored", "to drive"), rows, setting_width=48, verdicts=False)
     waiting = {agent: count * together(agent) for agent, count in left.items() if count}

@@ -9,7 +9,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown, shown_beside
-from pytest_drive_robust.report.page import Page
+from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.multiple_verdicts import any_wrong
 from pytest_drive_robust.store.events import Judged
@@ -23,11 +23,14 @@ _MOST_OTHERS = 2
 """So many more metrics fit into a line; JSON has all of them."""
 
 
-def run_summary(run: RunResult, *, colour: bool) -> str:
-    """Return the table with its footnotes; empty when nothing was asked for. `colour` adds terminal escapes."""
+def run_summary(run: RunResult, *, colour: bool, width: int = WIDTH) -> str:
+    """Return the table with its footnotes; empty when nothing was asked for.
+
+    `colour` adds terminal escapes; `width` is how many columns there are.
+    """
     if not run.rows:
         return ""
-    page = Page(colour=colour)
+    page = Page(colour=colour, width=width)
     columns = columns_of(run)
     page.table(columns, rows_of(run, columns), setting_width=40)
     for line in footnotes(run):
@@ -101,7 +104,7 @@ def footnotes(run: RunResult) -> list[str]:
             f"these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All "
             "routes, with efficiency and comfort: --drive-verdict=point"
         )
-    lines += [f"NOT GREEN: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
+    lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
@@ -149,7 +152,7 @@ def _open(run: RunResult) -> list[str]:
         if judged.verdict == "inconclusive":
             why = judged.message or OPEN
             read = f"{_value(judged)} after {judged.routes} of {judged.planned} routes"
-            lines.append(f"~ {judged.requirement}: {read}, {why}")
+            lines.append(f"~ {judged.agent}: {judged.requirement}: {read}, {why}")
     return lines
 
 

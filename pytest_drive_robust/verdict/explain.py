@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -142,10 +143,19 @@ def describe_outcome(result: EpisodeResult) -> str:
     end = _ENDS[result.end]
     if result.end is End.COMPLETED:
         return f"{end}, {first}" if first else end
-    end = f"{end} at {result.game_s:.1f} s"
+    end = f"{end} at {seconds_text(result.game_s)}"
     if result.end in _BROKEN:
         end += f" ({result.end_detail})"
     return f"{first}, {end}" if first else end
+
+
+def seconds_text(time_s: float) -> str:
+    """Return a time of an episode, as in `"11.3 s"`: the same for 7.25 and 7.249999, which a tick of 0.05 s may give.
+
+    >>> seconds_text(307 * 0.05), seconds_text(15.35), seconds_text(7.25)
+    ('15.4 s', '15.4 s', '7.3 s')
+    """
+    return f"{math.floor(round(10.0 * time_s, 6) + 0.5) / 10.0:.1f} s"
 
 
 def first_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> Divergence | None:
@@ -201,5 +211,5 @@ def _first(events: list[Infraction], dt_s: float) -> str:
     event = events[0]
     share = f" for {event.share_pct:.0f} % of the way" if event.kind is InfractionKind.OUTSIDE_LANES else ""
     more = f" and {len(events) - 1} more" if len(events) > 1 else ""
-    when = "" if share else f" at {event.tick * dt_s:.1f} s"
+    when = "" if share else f" at {seconds_text(event.tick * dt_s)}"
     return f"{_EVENTS[event.kind]}{share}{when}{more}"

@@ -37,10 +37,10 @@ def plain(output: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", output)
 
 
-def run_on_a_terminal(folder, *args):
-    """What a terminal of 100 columns would be sent, and the exit code. The run is slow until the line was seen."""
+def run_on_a_terminal(folder, *args, columns=100):
+    """What a terminal would be sent, and the exit code. The run is slow until the line was seen."""
     main, other = pty.openpty()
-    environment = {**os.environ, "COLUMNS": "100", "TERM": "xterm-256color"}
+    environment = {**os.environ, "COLUMNS": str(columns), "TERM": "xterm-256color"}
     command = [sys.executable, "-m", "pytest", "--drive-robust", "--drive-agent", "slow", *args]
     with subprocess.Popen(
         command, cwd=folder.path, stdout=other, stderr=other, stdin=other, env=environment
@@ -73,3 +73,13 @@ def test_a_terminal_shows_how_far_the_run_is(suite, workers):
     assert "captured agent output" not in text
     assert "\x1b[2K" in output, "the line is erased"
     assert re.search(r"slow +clean +100\.00", text), text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
+def test_the_table_fits_a_narrow_terminal(suite):
+    folder = suite("RD under throttle 0.5 and throttle 0.9 and throttle 0.7 and throttle 0.8 <= 0.90", conftest=SLOW)
+    output, code = run_on_a_terminal(folder, columns=80)
+    assert code == 0, output
+    table = plain(output).replace("\r", "").partition("= drive-robust =")[2].splitlines()
+    assert any("throttle 0.5" in line for line in table)
+    assert max(map(len, table)) <= 80, table

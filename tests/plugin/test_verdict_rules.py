@@ -60,7 +60,9 @@ def test_what_is_not_shown_is_left_open(suite, mode: str, code: int) -> None:
     assert result.ret == code
     output = result.stdout.str()
     if mode == "warn":
-        result.stdout.fnmatch_lines(["*INCONCLUSIVE*", f"~ {CLOSE}: * after 24 of 24 routes*", "*1 inconclusive*"])
+        result.stdout.fnmatch_lines(
+            ["*INCONCLUSIVE*", f"~ steady: {CLOSE}: * after 24 of 24 routes*", "*1 inconclusive*"]
+        )
     else:
         assert ("open: neither " in output) == (mode == "fail")
 
@@ -144,7 +146,7 @@ def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite, rule: st
     save_routes([fake_route(str(number), length_m=60.0) for number in range(1, 31)], pytester.path / "routes.xml")
     result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", rule, "--drive-agent", "lazy")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["~ RD under throttle 0.9*", "*floor of 30*"])
+    result.stdout.fnmatch_lines(["~ lazy: RD under throttle 0.9*", "*floor of 30*"])
 
 
 def test_a_pass_over_a_clean_score_below_the_floor_is_read_on_to_where_the_clean_score_is_known(suite) -> None:

@@ -3,6 +3,7 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
+import pytest
 from result_factory import crashed_simulation, make_result, scored
 
 from pytest_drive_robust.domain.outcome import End
@@ -61,6 +62,26 @@ def test_a_long_agent_and_a_long_setting_stay_within_a_hundred_columns():
     assert "error" in lines[1]
     width = lines[0].index("DS") - 8
     assert setting.replace(" ", "") in "".join("".join(line[8 : 4 + width].split()) for line in lines[1:4])
+
+
+@pytest.mark.parametrize("width", [80, 100, 200])
+def test_intervals_go_below_their_numbers_where_a_terminal_is_narrow(width):
+    clean = {f"clean {number}": scored(str(number), 100.0) for number in range(9)}
+    late = {f"late {number}": scored(str(number), 50.0, setting="200 ms latency") for number in range(9)}
+    events = [
+        EpisodesNeeded("driver", "dev10", "200 ms latency", (0,), tuple(late), tuple(clean)),
+        Used(tuple(late)[:6]),
+        Used(tuple(clean)[:6]),
+        Spared(tuple(late)[6:]),
+        Spared(tuple(clean)[6:]),
+        verdict("200 ms latency", "pass"),
+    ]
+    run = RunResult.of(RunOptions(), events, {**clean, **late}.get, versions={})
+    for colour in (False, True):
+        lines = re.sub(r"\x1b\[[\d;]*m", "", run_summary(run, colour=colour, width=width)).splitlines()
+        assert max(map(len, lines)) <= min(width, 100)
+        row = next(line for line in lines if "50.00" in line)
+        assert ("50.00 (" in row) == (width >= 100)
 
 
 def measured(metric: str, value: float | None) -> Judged:
