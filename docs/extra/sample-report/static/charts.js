@@ -110,7 +110,7 @@ driveRobust.charts = (() => {
     }
     svg.append(h("line", { class: "diagonal", x1: x(0), y1: y(0), x2: x(100), y2: y(100) }),
       h("text", { class: "label", x: (x(0) + x(100)) / 2, y: height - 6, "text-anchor": "middle" }, "clean driving score"),
-      h("text", { class: "label", transform: `translate(13 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
+      h("text", { class: "label", transform: `translate(19 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
     const seen = new Map();
     for (const [clean, perturbed, href, words] of pairs) {
       const spot = `${Math.round(clean / 3)} ${Math.round(perturbed / 3)}`;
