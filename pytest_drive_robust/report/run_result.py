@@ -191,7 +191,7 @@ def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged],
     late = {}
     for found in late_fails(verdicts, p_values, family=family, alpha=options.verdict_rule.alpha):
         place, p_value = known[found]
-        message = f"inconclusive in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
+        message = f"open in its test, a fail when all p-values were known (Holm, p = {p_value:.2g})"
         late[place] = replace(judged[place], verdict="fail", message=message)
     return [late.get(place, item) for place, item in enumerate(judged)], tuple(late.values())
 
