@@ -10,6 +10,7 @@ from pytest_drive_robust.metrics.summary import Summary
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.report.numbers import counted, interval_text, shown, shown_beside
 from pytest_drive_robust.report.page import WIDTH, cut
+from pytest_drive_robust.report.promise import claims, confidence, shown_by_evidence
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.explain import seconds_text
@@ -52,8 +53,8 @@ def _headline(verdict: Verdict) -> list[str]:
     metric = requirement.metric.name
     value = f"{metric} under {requirement.setting} = {shown_beside(metric, verdict.value, requirement.limit)}"
     limit = f"limit {requirement.comparison} {requirement.metric.format_limit(requirement.limit)}"
-    alpha = verdict.verdict_rule.alpha if verdict.verdict_rule.kind == "evidence" else 0.025
-    interval = interval_text(metric, verdict.low, verdict.high, confidence=1.0 - 2.0 * alpha)
+    sure = confidence(verdict.verdict_rule.kind, verdict.verdict_rule.alpha)
+    interval = interval_text(metric, verdict.low, verdict.high, confidence=sure)
     routes = counted(verdict.routes, "route")
     if verdict.routes < verdict.planned:
         routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"
@@ -71,9 +72,8 @@ def _promise(verdict: Verdict) -> list[str]:
         return [f"  decided for these {verdict.planned} routes and seeds before all were driven"]
     if kind != "evidence":
         return []
-    above, metric, verdict_rule = requirement.comparison == "<=", requirement.metric, verdict.verdict_rule
-    broken = f"{metric} {'>' if above else '<'} {metric.format_limit(requirement.limit)}"
-    held = f"{metric} {'<' if above else '>'} {metric.format_limit(requirement.lenient_limit(verdict_rule))}"
+    verdict_rule, lenient = verdict.verdict_rule, requirement.lenient_limit(verdict.verdict_rule)
+    broken, held = claims(requirement.metric, requirement.comparison, limit=requirement.limit, lenient=lenient)
     if (
         verdict.decision == "inconclusive"
         and verdict_rule.family > 1
@@ -87,11 +87,8 @@ def _promise(verdict: Verdict) -> list[str]:
     if verdict.decision == "inconclusive":
         return [f"  open: neither {broken} nor {held} is shown by {counted(verdict.routes, 'route')}"]
     claim = broken if verdict.decision == "fail" else held
-    line = f"  shown: {claim} on routes like these, wrong at most {verdict_rule.alpha:.0%} of the time"
-    if verdict.decision == "fail" and verdict_rule.family > 1:
-        rarely = f"any wrong fail among {verdict_rule.family}: at most {verdict_rule.alpha:.0%}"
-        line = f"  shown: {claim} on routes like these; {rarely}"
-    return [line]
+    said = shown_by_evidence(claim, verdict.decision, alpha=verdict_rule.alpha, family=verdict_rule.family)
+    return [f"  shown: {said}"]
 
 
 def _summaries(verdict: Verdict) -> list[str]:

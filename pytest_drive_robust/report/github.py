@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.numbers import ends_text, legible, shown, shown_beside
+from pytest_drive_robust.report.numbers import counted, ends_text, legible, shown, shown_beside
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
@@ -57,11 +57,11 @@ def _headline(run: RunResult) -> str:
     total = len(run.judged)
     if not total:
         return "nothing was judged"
-    open_ = total - sum(counts.values())
+    inconclusive = total - sum(counts.values())
     parts = [f"{counts['pass']} of {total} requirements hold"]
     parts += [f"{counts['fail']} broken"] if counts["fail"] else []
-    parts += [f"{counts['error']} not judged"] if counts["error"] else []
-    parts += [f"{open_} open"] if open_ else []
+    parts += [counted(counts["error"], "error")] if counts["error"] else []
+    parts += [f"{inconclusive} inconclusive"] if inconclusive else []
     parts += ["but the run ended early"] if any(len(row.results) < row.needed for row in run.rows) else []
     reading = run.options.reading
     return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")

@@ -48,6 +48,7 @@ def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
         rule=verdict.verdict_rule.kind,
         p_value=verdict.p_value,
         family=verdict.verdict_rule.family,
+        margin=verdict.margin,
     )
 
 

@@ -169,7 +169,8 @@ class Judged(Event):
 
     `verdict` is `"pass"`, `"fail"`, `"inconclusive"` or `"error"`; for an error the numbers are None and `message` says
     why. `low` and `high` bound the interval of `value`, `routes` of `planned` were read by the rule `rule`. `p_value`
-    is that against "it holds" where evidence was read; `family` is among how many requirements a fail had to stand.
+    is that against "it holds" where evidence was read; `family` is among how many requirements a fail had to stand,
+    `margin` how far beyond the limit a pass may reach, in the unit of the metric.
     """
 
     nodeid: str
@@ -191,6 +192,7 @@ class Judged(Event):
     rule: str = ""
     p_value: float | None = None
     family: int = 1
+    margin: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

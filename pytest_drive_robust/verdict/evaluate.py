@@ -109,7 +109,9 @@ def evaluate(
         (low, high), p_value = _after_reading(requirement, verdict_rule, *by_route, ended=ended)
     reason = _below_floor(metric, clean, verdict_rule)
     decision = "inconclusive" if reason and decision == "pass" else decision
-    yardstick = None if decision == "pass" else _yardstick(requirement, mode)
+    yardstick = (
+        None if decision == "pass" else yardstick_of(metric, requirement.comparison, requirement.limit, mode=mode)
+    )
     return Verdict(
         requirement=requirement,
         agent=agent,
@@ -130,9 +132,8 @@ def evaluate(
     )
 
 
-def _yardstick(requirement: Requirement, mode: str) -> Yardstick | None:
+def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) -> Yardstick | None:
     """Return what ranks the routes of a broken requirement; None where the driving score does."""
-    metric = requirement.metric
     if metric.name in _SCORES:
         return None
 
@@ -142,7 +143,7 @@ def _yardstick(requirement: Requirement, mode: str) -> Yardstick | None:
         except Exception:  # a user's function may be made for several episodes only, and this is for information
             return None
 
-    return Yardstick(value, requirement.limit, is_upper=requirement.comparison == "<=")
+    return Yardstick(value, limit, is_upper=comparison == "<=")
 
 
 def _after_reading(

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 import pytest
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
-from result_factory import infraction, make_result, scored, trace_of
+from result_factory import crashed_simulation, infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -235,6 +235,177 @@ def test_every_episode_shows_its_own_film(opened, tmp_path):
     assert shown == [f"films/{film.name}" for film in films]  # the first episode has none
 
 
+def judged_as(verdict, value, *, metric="DS", limit=50.0, comparison=">=", agent="driver", setting="clean", **given):
+    sentence = f"{metric} under {setting} {comparison} {limit:g}"
+    told = {"routes": 2, "planned": 2, "rule": "list", **given}
+    scope = ("t", sentence, agent, "one-per-scenario", (0,), metric, setting, comparison, limit)
+    return Judged(*scope, verdict, value, **told)
+
+
+def report_of(folder, *results, judged=()):
+    """Write the pages of a run of any settings and agents."""
+    found = {str(result.episode): result for result in results}
+    keys: dict[tuple[str, str], list[str]] = {}
+    for key, result in found.items():
+        keys.setdefault((result.episode.agent, result.episode.setting), []).append(key)
+    needed = [EpisodesNeeded(agent, "one-per-scenario", name, (0,), tuple(of)) for (agent, name), of in keys.items()]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, *judged, Used(tuple(found))], found.get, versions={})
+    records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="made up")
+    return write_pages(folder, records).parent
+
+
+LATENCY = "200 ms latency"
+HIT = (InfractionKind.COLLISION_VEHICLE,)
+
+
+def test_failures_are_told_as_shares_of_what_each_agent_drove_under_each_setting(opened, tmp_path):
+    clean = [make_result(name, infractions=HIT if name == "101" else ()) for name in ("101", "301", "501", "701")]
+    broken = make_result("101", setting=LATENCY, infractions=HIT)
+    other = make_result("101", agent="other", infractions=HIT)
+    page = opened(report_of(tmp_path, *clean, broken, other)).go("#/failures")
+    assert page.locator("tr.driven td.number").all_text_contents() == ["3 of 6", "1 of 4", "1 of 1", "1 of 1"]
+    assert page.locator("th.group").all_inner_texts() == ["driver", "other"]
+    assert [head.get_attribute("title") for head in page.locator("th.turned").all()] == ["clean", LATENCY, "clean"]
+    shades = [cell.evaluate("cell => cell.style.getPropertyValue('--share')") for cell in page.locator("td.heat").all()]
+    assert shades == ["20%", "80%", "80%"]
+    assert "driver" in page.locator("table.tall tbody tr:nth-child(2) td").nth(1).inner_text()
+
+
+def test_episodes_of_several_agents_name_theirs(opened, tmp_path):
+    results = [make_result("101", agent=name, infractions=HIT) for name in ("driver", "other")]
+    report = opened(report_of(tmp_path, *results))
+    page = report.go("#/failures")
+    report.follow(page.locator("table.tall tbody th a").first)
+    assert page.locator("table.episodes td.agent").all_inner_texts() == ["driver", "other"]
+
+
+@pytest.mark.parametrize(
+    ("metric", "comparison", "limit", "told"),
+    [
+        ("DS", ">=", 50.0, ["DS 20.0", "DS 60.0"]),
+        ("efficiency", ">=", 80.0, ["efficiency 40.00, DS 60.0"]),
+    ],
+)
+def test_a_broken_requirement_names_its_worst_routes_and_what_their_numbers_are(
+    opened, tmp_path, metric, comparison, limit, told
+):
+    results = [scored("101", 20.0), make_result("301", infractions=HIT, speed_ratios_pct=(40.0,))]
+    judged = judged_as("fail", 40.0, metric=metric, limit=limit, comparison=comparison)
+    report = opened(report_of(tmp_path, *results, judged=[judged]))
+    page = report.go()
+    report.follow(page.locator("table.requirements th a"))
+    assert page.locator(".cards p:first-of-type").all_inner_texts() == told
+
+
+def test_equal_limits_stand_at_equal_places(opened, tmp_path):
+    judged = [
+        judged_as("pass", 0.1, metric="RD", comparison="<=", limit=0.3, setting=setting, low=low, high=0.2)
+        for setting, low in ((LATENCY, -0.9), ("GPS noise 5 m", 0.05))
+    ]
+    page = opened(report_of(tmp_path, make_result("101"), judged=judged)).go()
+    assert len({line.get_attribute("x1") for line in page.locator(".bullet .limit").all()}) == 1
+    assert page.locator(".bullet text").all_text_contents() == ["\u22121", "1"] * 2
+
+
+@pytest.mark.parametrize(
+    ("rule", "level", "interval"),
+    [("evidence", "90 %", "90 % interval on routes like these"), ("list", "95 %", "95 % interval 40")],
+)
+def test_only_evidence_speaks_of_routes_like_these(opened, tmp_path, rule, level, interval):
+    judged = judged_as("fail", 45.0, low=40.0, high=49.0, rule=rule, margin=10.0)
+    report = opened(report_of(tmp_path, make_result("101"), make_result("301"), judged=[judged]))
+    page = report.go()
+    assert f"Bar: {level} interval" in text(page, "main")
+    report.follow(page.locator("table.requirements th a"))
+    assert interval in text(page, ".lead")
+    assert ("on routes like these" in text(page, "main")) is (rule == "evidence")
+    assert ("not for others" if rule == "list" else "wrong at most 5% of the time") in text(page, ".promise")
+
+
+def test_an_error_says_why_and_lists_what_broke(opened, tmp_path):
+    results = [crashed_simulation("101"), make_result("301")]
+    report = opened(report_of(tmp_path, *results, judged=[judged_as("error", None, message="1 of 2 broke")]))
+    page = report.go()
+    assert text(page) == "0 of 1 requirement holds, 1 error"
+    assert text(page, "table.requirements .why") == "1 of 2 broke"
+    report.follow(page.locator("table.requirements th a"))
+    assert page.locator("table.episodes .story").all_inner_texts() == [
+        "simulation crashed at 2.0 s (the server went away)"
+    ]
+
+
+def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
+    page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("inconclusive", 50.0)])).go()
+    assert text(page) == "0 of 1 requirement holds, 1 inconclusive"
+    assert text(page, ".badge.inconclusive") == "~ inconclusive"
+
+
+def test_an_interval_of_rd_ends_as_in_the_terminal(opened, tmp_path):
+    judged = judged_as("pass", 0.1, metric="RD", limit=0.3, comparison="<=", setting=LATENCY, low=-2.54, high=0.2)
+    report = opened(report_of(tmp_path, make_result("101"), judged=[judged]))
+    page = report.go()
+    report.follow(page.locator("table.requirements th a"))
+    assert "< \u22121 to 0.20" in text(page, ".lead")
+
+
+def test_a_narrow_table_of_episodes_keeps_its_heads_and_is_sorted_by_them(opened):
+    report = opened(width=400)
+    page = report.go("#/episodes")
+    page.locator("button.sort", has_text="DS").last.click()
+    scores = [float(word) for word in page.locator("tbody td.number:not(.twin):not(.driven)").all_inner_texts()]
+    assert scores == sorted(scores)
+    label = "cell => getComputedStyle(cell, '::before').content"
+    assert page.locator("tbody td.number:not(.twin):not(.driven)").first.evaluate(label) == '"DS "'
+    assert page.locator("tbody td.route").first.evaluate(label) == '"route "'
+
+
+@pytest.mark.parametrize("width", [400, 600, 800, 1280])
+def test_no_word_of_a_plot_is_cut(opened, width):
+    page = opened(width=width).go(REQUIREMENT)
+    cut = """() => [...document.querySelectorAll("svg.chart")].flatMap((plot) => {
+      const frame = plot.getBoundingClientRect();
+      return [...plot.querySelectorAll("text")].filter((word) => {
+        const box = word.getBoundingClientRect();
+        return box.left < frame.left - 0.5 || box.right > frame.right + 0.5 || box.bottom > frame.bottom + 0.5;
+      }).map((word) => word.textContent);
+    })"""
+    assert page.evaluate(cut) == []
+    columns = page.evaluate(
+        "getComputedStyle(document.querySelector('.columns')).gridTemplateColumns.split(' ').length"
+    )
+    assert columns == (2 if width > 1000 else 1)
+
+
+def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    names = {name for item in page.locator(".player .swatch").all() for name in item.get_attribute("class").split()}
+    assert {"clean", "perturbed", "twin", "route", "plan", "wrong", "parted", "told"} <= names
+    colour = "name => getComputedStyle(document.documentElement).getPropertyValue(name)"
+    assert page.evaluate(colour, "--wrong") != page.evaluate(colour, "--plan")
+    below = """() => {
+      const strips = document.querySelector("canvas.strips");
+      const high = Math.round(13 * strips.height / strips.clientHeight);
+      const axis = strips.getContext("2d").getImageData(0, strips.height - high, strips.width, high).data;
+      return axis.filter((value, at) => at % 4 === 3 && value > 0).length;
+    }"""
+    assert page.evaluate(below) > 100
+
+
+def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path):
+    result = make_result("101")
+    film = tmp_path / film_name(result.episode)
+    film.write_bytes(b"film")
+    report = opened(write_pages(tmp_path / "report", clean_run(result), films=[film]).parent)
+    page = report.go("#/episode/driver/clean/101/0")
+    page.wait_for_selector("canvas")
+    assert page.locator("output.clock").get_attribute("aria-live") == "off"
+    assert page.locator("video").get_attribute("aria-label") == "What driver saw under clean on route 101"
+    page.locator("video").focus()
+    page.keyboard.press(" ")
+    assert page.evaluate("driveRobust.player.playing") is False
+
+
 def test_the_same_sentence_on_other_routes_has_its_own_row_and_page(opened, tmp_path):
     found = {name: scored(name, score) for name, score in (("101", 100.0), ("301", 20.0))}
     needed = [EpisodesNeeded("driver", name, "clean", (0,), (name,)) for name in found]
@@ -247,10 +418,10 @@ def test_the_same_sentence_on_other_routes_has_its_own_row_and_page(opened, tmp_
     report = opened(write_pages(tmp_path, records).parent)
     page = report.go("#/?metric=DS")
     assert page.locator(".matrix tbody th").all_inner_texts() == ["clean on 101", "clean on 301"]
-    assert page.locator(".matrix tbody td").all_inner_texts() == ["100.0", "20.0"]
+    assert page.locator(".matrix tbody td").all_inner_texts() == ["100.00", "20.00"]
     report.follow(page.locator("tr", has=page.locator(".badge.fail")).first.locator("th a"))
     assert text(page).endswith("fail DS under clean >= 50 on 301")
-    assert "DS is 20.0" in page.locator("main").inner_text()
+    assert "DS is 20.00" in page.locator("main").inner_text()
 
 
 def test_a_metric_of_a_user_is_shown_as_precisely_as_in_the_table(opened, tmp_path):

@@ -157,9 +157,7 @@ def test_the_step_summary_is_appended_where_github_asks_for_it(suite, monkeypatc
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
     run(folder, *workers)
     text = summary.read_text()
-    assert text.startswith(
-        "what another step wrote\n## drive-robust: 2 of 4 requirements hold, 1 broken, 1 not judged\n"
-    )
+    assert text.startswith("what another step wrote\n## drive-robust: 2 of 4 requirements hold, 1 broken, 1 error\n")
     lines = text.splitlines()
     assert "| requirement | agent | value | interval | routes | verdict |" in lines
     (broken,) = [line for line in lines if line.startswith("| RD under throttle 0.3")]

@@ -6,22 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
-from pytest_drive_robust.report.numbers import OPEN
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
-from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
+from pytest_drive_robust.report.pages.evidence import bound
+from pytest_drive_robust.report.pages.judged import level_text, requirement_data
 from pytest_drive_robust.report.road_map import RoadMaps
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import row_labels
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import ships
-from pytest_drive_robust.verdict.requirement import lenient_limit
 
 
 def run_data(
@@ -55,7 +53,8 @@ def run_data(
             for metric in METRICS.values()
         },
         "rows": _rows(document["summaries"]),
-        "requirements": [_requirement(records, item) for item in document.get("requirements", ())],
+        "requirements": [requirement_data(records, table, item) for item in document.get("requirements", ())],
+        "level": level_text("evidence", document["settings"].get("alpha", 0.05)),
         "routes": _routes(records, table),
         "clusters": _clusters(records, table, maps),
         "episodes": table.as_data(),
@@ -86,34 +85,6 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
         "errors": summary.get("agent_errors", 0),
         "verdict": row["verdict"],
         "problem": row.get("problem") or "",
-    }
-
-
-def _requirement(records: RunRecords, judged: Mapping[str, Any]) -> dict[str, Any]:
-    order = reading_order(records, judged) if judged["verdict"] != "error" else []
-    metric = METRICS.get(judged["metric"])
-    reason = judged.get("message", "") or (OPEN if judged["verdict"] == "inconclusive" else "")
-    names = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
-    margin = records.document["settings"].get("margin")
-    lenient = None  # shown for a pass
-    if judged.get("rule") == "evidence" and metric is not None and margin:
-        rule = VerdictRule("evidence", margin=margin)
-        lenient = lenient_limit(metric, judged["comparison"], float(judged["limit"]), rule)
-    return {
-        **{name: judged[name] for name in names},
-        "routesSpec": judged["routes_spec"],
-        "low": bound(judged.get("low")),
-        "high": bound(judged.get("high")),
-        "routes": judged["routes"],
-        "planned": judged.get("planned", judged["routes"]),
-        "rule": judged.get("rule", ""),
-        "pValue": judged.get("p_value"),
-        "reason": reason,
-        "lenient": lenient,
-        "seeds": judged["seeds"],
-        "baseline": records.baselines.get(judged["setting"], "clean"),
-        "order": order,
-        "growth": growth(records, judged, order),
     }
 
 

@@ -36,7 +36,7 @@ def run_of(*judged: Judged) -> RunResult:
 
 def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:
     lines = step_summary(run_of(WILD)).splitlines()
-    assert lines[0] == "## drive-robust: 0 of 1 requirements hold, 1 open"
+    assert lines[0] == "## drive-robust: 0 of 1 requirements hold, 1 inconclusive"
     row = r"| RD under wild \| failure &lt;b&gt; | star\* | 0.34 | 0.20 to 0.50 | 14 of 220 | inconclusive |"
     assert row in lines
     assert r"- RD under wild \| failure &lt;b&gt;: neither the one \| nor the other" in lines

@@ -75,18 +75,16 @@ const driveRobust = (() => {
     const text = Math.abs(value).toFixed(decimals);
     return value < 0 && Number(text) !== 0 ? MINUS + text : text;
   }
-  /* RD and SR are shares; what a metric of a user is, nobody knows. */
-  function decimalsOf(metric) {
-    return ["DS", "comfort", "efficiency"].includes(metric) ? 1 : 2;
-  }
+  /* Every metric as in the terminal (report/numbers.py). */
+  const DECIMALS = 2;
   function shown(metric, value) {
-    return fixed(value, decimalsOf(metric));
+    return fixed(value, DECIMALS);
   }
   /* A value where its limit stands beside it: with as many more decimals as tell the two apart. */
   function shownBeside(metric, value, limit) {
     if (value === null || value === undefined) return fixed(value, 0);
     const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
-    let decimals = decimalsOf(metric);
+    let decimals = DECIMALS;
     while (decimals < 9 && side(Number(value.toFixed(decimals))) !== side(value)) decimals += 1;
     return fixed(value, decimals);
   }
@@ -100,8 +98,8 @@ const driveRobust = (() => {
   }
   function between(metric, low, high) {
     if (low === null && high === null) return "";
-    const word = (value, other) => (value === null ? other : shown(metric, value));
-    return `${word(low, "no bound")} to ${word(high, "no bound")}`;
+    const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(metric, value));
+    return `${word(low)} to ${word(high)}`;
   }
   function seconds(value) {
     return `${fixed(value, 1)} s`;
@@ -117,9 +115,9 @@ const driveRobust = (() => {
   const VERDICTS = {
     pass: { sign: "\u2713", word: "pass" },
     fail: { sign: "\u2717", word: "fail" },
-    inconclusive: { sign: "~", word: "open" },
+    inconclusive: { sign: "~", word: "inconclusive" },
     error: { sign: "!", word: "error" },
-    "-": { sign: "\u00b7", word: "not judged" },
+    "-": { sign: "\u00b7", word: "no requirement" },
   };
   function badge(verdict) {
     const known = VERDICTS[verdict] || VERDICTS["-"];
@@ -137,6 +135,6 @@ const driveRobust = (() => {
 
   return {
     give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, badge,
-    decimalsOf, tell, scroller, VERDICTS,
+    tell, scroller, VERDICTS,
   };
 })();

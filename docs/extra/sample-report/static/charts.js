@@ -1,15 +1,15 @@
 "use strict";
 /* Small plots as SVG: an interval against a limit, evidence route by route, clean against perturbed. */
 driveRobust.charts = (() => {
-  const { h, shown, shownBeside, shownLimit, between, counted } = driveRobust;
+  const { h, fixed, shown, shownBeside, shownLimit, between, counted } = driveRobust;
 
-  /* Return [low, high] of an axis that shows all values, with some air. */
+  /* Return [low, high] of an axis that shows all values, with some air. Ends of RD are halves, to be read at a glance. */
   function extent(values, metric) {
     const known = values.filter((value) => value !== null && value !== undefined && Number.isFinite(value));
     let [low, high] = [Math.min(...known), Math.max(...known)];
     if (metric === "DS" || metric === "comfort") [low, high] = [0, 100];
     if (metric === "SR") [low, high] = [0, 1];
-    if (metric === "RD") [low, high] = [Math.max(Math.min(low, 0), -1), 1];
+    if (metric === "RD") [low, high] = [Math.max(Math.floor(2 * Math.min(low, 0)) / 2, -1), 1];
     if (high - low < 1e-9) { low -= 1; high += 1; }
     return [low, high];
   }
@@ -23,13 +23,17 @@ driveRobust.charts = (() => {
     return found;
   }
 
-  /* An interval, the value in it and the limit, on one line. */
-  function bullet(item) {
+  /* Return [low, high] of the axis that all bullets of a metric share, so that equal limits stand at equal places. */
+  function shared(items, metric) {
+    return extent(items.filter((item) => item.metric === metric).flatMap((item) => [item.value, item.low, item.high, item.limit]), metric);
+  }
+
+  /* An interval, the value in it and the limit, on one line from `low` to `high`. */
+  function bullet(item, [low, high]) {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
-    const [low, high] = extent([item.value, item.low, item.high, item.limit], item.metric);
-    const [width, height] = [150, 22];
+    const [width, height] = [150, 32];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
-    const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
+    const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
@@ -37,7 +41,12 @@ driveRobust.charts = (() => {
       h("line", { class: "axis", x1: 4, x2: width - 4, y1: 11, y2: 11 }),
       h("line", { class: "interval", x1: x(from), x2: x(to), y1: 11, y2: 11 }),
       h("line", { class: "limit", x1: x(item.limit), x2: x(item.limit), y1: 3, y2: 19 }),
-      h("circle", { class: "value", cx: x(item.value), cy: 11, r: 4.5 }));
+      h("circle", { class: "value", cx: x(item.value), cy: 11, r: 4.5 }),
+      h("text", { class: "end", x: 4, y: 30 }, endOf(low)), h("text", { class: "end", x: width - 4, y: 30, "text-anchor": "end" }, endOf(high)));
+  }
+
+  function endOf(value) {
+    return fixed(value, Number.isInteger(value) ? 0 : Number.isInteger(2 * value) ? 1 : 2);
   }
 
   function frame(width, height, margin, label, words) {
@@ -56,9 +65,11 @@ driveRobust.charts = (() => {
     const y = (value) => margin.top + (1 - (Math.min(Math.max(value, low), high) - low) / (high - low)) * (height - margin.top - margin.bottom);
     const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shownLimit(item.metric, item.limit)}`;
     const svg = frame(width, height, margin, label);
-    for (const value of ticks(low, high, 5)) {
+    const lines = ticks(low, high, 5);
+    const decimals = lines.every(Number.isInteger) && high > 1 ? 0 : 2;
+    for (const value of lines) {
       svg.append(h("line", { class: "grid", x1: margin.left, x2: width - margin.right, y1: y(value), y2: y(value) }),
-        h("text", { class: "tick", x: margin.left - 8, y: y(value) + 4, "text-anchor": "end" }, shown(item.metric, value)));
+        h("text", { class: "tick", x: margin.left - 8, y: y(value) + 4, "text-anchor": "end" }, fixed(value, decimals)));
     }
     for (const count of (last > 1 ? ticks(1, last, 8) : [1]).map(Math.round).filter((value, at, list) => value >= 1 && list.indexOf(value) === at)) {
       svg.append(h("text", { class: "tick", x: x(count), y: height - margin.bottom + 18, "text-anchor": "middle" }, count));
@@ -88,10 +99,10 @@ driveRobust.charts = (() => {
 
   /* Clean score across, perturbed score up; each point is a link. `pairs` are [clean, perturbed, link, words]. */
   function scatter(pairs, label) {
-    const [width, height, margin] = [400, 400, { left: 58, right: 14, top: 14, bottom: 46 }];
+    const [width, height, margin] = [400, 400, { left: 58, right: 24, top: 14, bottom: 46 }];
     const x = (value) => margin.left + (value / 100) * (width - margin.left - margin.right);
     const y = (value) => margin.top + (1 - value / 100) * (height - margin.top - margin.bottom);
-    const svg = h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": label });
+    const svg = h("svg", { class: "chart square", viewBox: `0 0 ${width} ${height}`, role: "group", "aria-label": label });
     for (const value of [0, 25, 50, 75, 100]) {
       svg.append(h("line", { class: "grid", x1: x(value), x2: x(value), y1: y(0), y2: y(100) }), h("line", { class: "grid", x1: x(0), x2: x(100), y1: y(value), y2: y(value) }),
         h("text", { class: "tick", x: x(value), y: height - margin.bottom + 18, "text-anchor": "middle" }, value),
@@ -99,7 +110,7 @@ driveRobust.charts = (() => {
     }
     svg.append(h("line", { class: "diagonal", x1: x(0), y1: y(0), x2: x(100), y2: y(100) }),
       h("text", { class: "label", x: (x(0) + x(100)) / 2, y: height - 6, "text-anchor": "middle" }, "clean driving score"),
-      h("text", { class: "label", transform: `translate(13 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
+      h("text", { class: "label", transform: `translate(19 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
     const seen = new Map();
     for (const [clean, perturbed, href, words] of pairs) {
       const spot = `${Math.round(clean / 3)} ${Math.round(perturbed / 3)}`;
@@ -127,5 +138,5 @@ driveRobust.charts = (() => {
       h("circle", { class: "value", cx: x(mean), cy: 11, r: 4.5 }));
   }
 
-  return { bullet, growth, scatter, change };
+  return { ticks, shared, bullet, growth, scatter, change };
 })();

@@ -34,6 +34,11 @@ driveRobust.episodes = (() => {
     return all().filter((episode) => episode.run === 0);
   }
 
+  /* The agents of the run: where there are several, an episode is not known by its setting and route. */
+  function agents() {
+    return [...new Set(own().map((episode) => episode.agent))];
+  }
+
   function find(run, agent, setting, route, seed) {
     return all().find((item) => item.run === run && item.agent === agent && item.setting === setting && item.route === route && item.seed === seed);
   }
@@ -158,5 +163,5 @@ driveRobust.episodes = (() => {
     return { map, motion: moved ? await motion(moved) : null, tracks: await tracks(seen) };
   }
 
-  return { all, own, find, counterpart, href, moment, scene };
+  return { all, own, agents, find, counterpart, href, moment, scene };
 })();

@@ -7,36 +7,64 @@ driveRobust.views.set("failures", (() => {
     const run = driveRobust.given.get("run");
     const clusters = run.clusters || [];
     if (name) return one(run, clusters.find((item) => item.name === name));
-    const settings = [...new Set(run.rows.map((row) => row.setting))];
-    const episodes = driveRobust.episodes.all();
     const total = clusters.reduce((sum, cluster) => sum + cluster.episodes.length, 0);
     if (!total) return { title: "Failures", nodes: [h("h1", {}, "No episode broke"), h("p", {}, "Every route was driven to its end without an infraction.")] };
-    const most = Math.max(...clusters.flatMap((cluster) => settings.map((setting) => countOf(episodes, cluster, setting))));
     return {
       title: "Failures",
       nodes: [
         h("h1", {}, `${counted(total, "failure")} of ${clusters.length} kind${clusters.length === 1 ? "" : "s"}`),
-        h("p", { class: "lead" }, "Grouped by what went wrong first and what the car was doing then. The columns are settings; a number opens its episodes."),
-        scroller("Failures by setting", h("table", { class: "matrix tall" },
-          h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "what happened"), h("th", { scope: "col", class: "number" }, "all"), h("th", { scope: "col" }, "example"), settings.map((setting) => h("th", { scope: "col", class: "turned" }, h("span", {}, setting))))),
-          h("tbody", {}, clusters.map((cluster) => h("tr", {},
-            h("th", { scope: "row" }, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence)),
-            h("td", { class: "number" }, cluster.episodes.length),
-            h("td", {}, example(episodes[cluster.example])),
-            settings.map((setting) => {
-              const count = countOf(episodes, cluster, setting);
-              return h("td", { class: "number heat low", vars: { share: `${Math.round((80 * count) / most)}%` } }, count ? h("a", { href: link(["episodes"], { kind: cluster.name, setting }), "aria-label": `${count} under ${setting}` }, count) : h("span", { class: "soft" }, "\u00b7"));
-            })))))),
+        h("p", { class: "lead" }, "Grouped by what went wrong first and what the car was doing then. The columns are settings, shaded by the share of their episodes; a number opens its episodes."),
+        matrix(run, clusters),
       ],
     };
   }
 
-  function countOf(episodes, cluster, setting) {
-    return cluster.episodes.filter((number) => episodes[number].setting === setting).length;
+  function matrix(run, clusters) {
+    const episodes = driveRobust.episodes.all();
+    const agents = driveRobust.episodes.agents();
+    const columns = columnsOf(run);
+    const most = Math.max(...clusters.flatMap((cluster) => columns.map((column) => countOf(episodes, cluster, column) / column.driven)));
+    const sum = (of) => columns.reduce((total, column) => total + of(column), 0);
+    const spans = agents.map((agent) => [agent, columns.filter((column) => column.agent === agent).length]).filter(([, count]) => count);
+    return scroller("Failures by setting", h("table", { class: "matrix tall" },
+      h("thead", {},
+        agents.length > 1 ? h("tr", {}, h("td", { colspan: 3 }), spans.map(([agent, count]) => h("th", { scope: "colgroup", colspan: count, class: "group", title: agent }, agent))) : null,
+        h("tr", {}, h("th", { scope: "col" }, "what happened"), h("th", { scope: "col", class: "number" }, "all"), h("th", { scope: "col" }, "example"), columns.map(({ setting }) => h("th", { scope: "col", class: "turned", title: setting }, h("span", {}, setting))))),
+      h("tbody", {},
+        h("tr", { class: "driven" }, h("th", { scope: "row" }, "broken of driven"), share(sum((column) => column.broken), sum((column) => column.driven)), h("td", {}), columns.map((column) => share(column.broken, column.driven))),
+        clusters.map((cluster) => h("tr", {},
+          h("th", { scope: "row" }, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence)),
+          h("td", { class: "number" }, cluster.episodes.length),
+          h("td", {}, example(episodes[cluster.example], agents.length > 1)),
+          columns.map((column) => cell(cluster, column, countOf(episodes, cluster, column), most)))))));
   }
 
-  function example(episode) {
-    return h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)), title: episode.story }, "watch", h("span", { class: "hidden" }, ` ${episode.place.scenario} ${episode.route} under ${episode.setting}`));
+  /* Settings have their own numbers of episodes, as a verdict stops when it is sure: a count alone would mislead. */
+  function columnsOf(run) {
+    const own = driveRobust.episodes.own();
+    const names = new Map(run.rows.map((row) => [JSON.stringify([row.agent, row.setting]), row]));
+    return [...names.values()].map(({ agent, setting }) => {
+      const driven = own.filter((episode) => episode.agent === agent && episode.setting === setting);
+      return { agent, setting, driven: driven.length, broken: driven.filter((episode) => episode.cluster >= 0).length };
+    }).filter((column) => column.driven);
+  }
+
+  function share(broken, driven) {
+    return h("td", { class: "number" }, broken, h("span", { class: "range" }, ` of ${driven}`));
+  }
+
+  function cell(cluster, { agent, setting, driven }, count, most) {
+    const words = `${count} of ${counted(driven, "episode")} of ${agent} under ${setting}`;
+    return h("td", { class: "number heat low", title: words, vars: { share: `${Math.round((80 * count) / driven / most)}%` } },
+      count ? h("a", { href: link(["episodes"], { kind: cluster.name, agent, setting }), "aria-label": words }, count) : h("span", { class: "soft" }, "\u00b7"));
+  }
+
+  function countOf(episodes, cluster, { agent, setting }) {
+    return cluster.episodes.filter((number) => episodes[number].agent === agent && episodes[number].setting === setting).length;
+  }
+
+  function example(episode, several) {
+    return h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)), title: episode.story }, "watch", several ? h("span", { class: "soft" }, ` ${episode.agent}`) : null, h("span", { class: "hidden" }, ` ${episode.place.scenario} ${episode.route} under ${episode.setting}`));
   }
 
   function one(run, cluster) {

@@ -2,6 +2,7 @@
 /* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
 driveRobust.views.set("episode", (() => {
   const { h, link, place, fixed, seconds } = driveRobust;
+  const AXIS = 16;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
     collisions_pedestrian: "hit a pedestrian", collisions_vehicle: "hit a vehicle", collisions_layout: "hit an obstacle",
@@ -59,7 +60,7 @@ driveRobust.views.set("episode", (() => {
       nodes: [
         ...heading,
         player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
-        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
+        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
         facts(episode, beside),
         others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
       ],
@@ -97,7 +98,6 @@ driveRobust.views.set("episode", (() => {
     if (episode.place.file) words.push("--routes", episode.place.file);
     if (options.stuck_stop_s) words.push("--stuck-stop", options.stuck_stop_s);
     if (options.simulator !== "embedded") words.push("--sim", options.simulator);
-    if (options.vehicle) words.push("--vehicle", options.vehicle);
     return words.map((word) => quoted(String(word))).join(" ");
   }
 
@@ -146,7 +146,7 @@ driveRobust.views.set("episode", (() => {
       const two = this.panes.length > 1;
       this.paneNodes = this.panes.map((pane) => this.paneNode(pane));
       this.range = h("input", { type: "range", min: 0, max: this.length, step: 1, value: Math.round(this.tick), "aria-label": "Time", oninput: () => this.seek(Number(this.range.value)) });
-      this.clock = h("output", { class: "clock" });
+      this.clock = h("output", { class: "clock", "aria-live": "off" });
       this.playButton = h("button", { type: "button", class: "primary play", onclick: () => this.toggle() }, "Play");
       const speed = h("select", { "aria-label": "Speed", onchange: (event) => { this.speed = Number(event.target.value); } }, SPEEDS.map((value) => h("option", { value, selected: value === 1 }, `${value}\u00d7`)));
       this.speedSelect = speed;
@@ -178,7 +178,10 @@ driveRobust.views.set("episode", (() => {
       const item = (name, words) => h("li", {}, h("span", { class: `swatch ${name}`, "aria-hidden": "true" }), words);
       return h("ul", { class: "legend" },
         two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
+        two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
+        item("wrong", "what went wrong, or the end: a line below, a ring where it happened"),
+        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two part") : null,
         this.own.episode.spans.length ? item("span", "a failure is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
@@ -298,7 +301,7 @@ driveRobust.views.set("episode", (() => {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const on = event.target.tagName;
       if (on === "SELECT" || (on === "INPUT" && event.target.type !== "range" && event.target.type !== "checkbox")) return;
-      if (event.key === " " && (on === "BUTTON" || on === "INPUT" || on === "A")) return;
+      if (on === "VIDEO" || (event.key === " " && (on === "BUTTON" || on === "INPUT" || on === "A"))) return;
       if (event.key.startsWith("Arrow") && on === "INPUT" && event.target !== this.range) return;
       const second = 1 / this.dt;
       const actions = {
@@ -356,10 +359,11 @@ driveRobust.views.set("episode", (() => {
 
     drawStrips(ratio) {
       const context = this.strips.getContext("2d");
-      const [width, height] = [this.strips.clientWidth, this.strips.clientHeight];
+      const width = this.strips.clientWidth;
+      const height = this.strips.clientHeight - AXIS;
       if (!width) return;
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
-      context.clearRect(0, 0, width, height);
+      context.clearRect(0, 0, width, height + AXIS);
       const { colours } = this;
       const x = (tick) => (tick / this.length) * width;
       const rows = [["speed", 0.46], ["throttle", 0.18], ["brake", 0.18], ["steer", 0.18]];
@@ -397,6 +401,7 @@ driveRobust.views.set("episode", (() => {
         context.fillText(words, 6, top + 13);
         top += high;
       }
+      this.drawSeconds(context, width, height);
       const drawn = new Set();
       for (const mark of this.marks) {
         const at = Math.round(x(mark.second / this.dt)) + 0.5;
@@ -410,6 +415,24 @@ driveRobust.views.set("episode", (() => {
         context.lineTo(at, height);
         context.stroke();
         context.setLineDash([]);
+      }
+    }
+
+    /* The axis of time below the strips. */
+    drawSeconds(context, width, height) {
+      const last = this.length * this.dt;
+      context.fillStyle = this.colours.faint;
+      context.strokeStyle = this.colours.rule;
+      context.lineWidth = 1;
+      for (const second of driveRobust.charts.ticks(0, last, Math.max(2, Math.floor(width / 90)))) {
+        const at = Math.round((second / last) * width) + 0.5;
+        context.beginPath();
+        context.moveTo(at, height);
+        context.lineTo(at, height + 4);
+        context.stroke();
+        const words = `${Number(second.toFixed(2))} s`;
+        const wide = context.measureText(words).width;
+        context.fillText(words, Math.min(Math.max(at - wide / 2, 0), width - wide), height + 14);
       }
     }
   }

@@ -2,7 +2,6 @@
 /* One requirement: limit, value, interval, how the evidence grew, the routes behind it. */
 driveRobust.views.set("requirement", (() => {
   const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, scroller } = driveRobust;
-  const RULES = { evidence: "judged by evidence, route by route", list: "judged on this list of routes", point: "the value compared with the limit" };
 
   function render([agent, sentence], query) {
     const item = driveRobust.requirementsCalled(agent, sentence)[Number(query.get("number") || 0)];
@@ -14,12 +13,14 @@ driveRobust.views.set("requirement", (() => {
         h("p", { class: "crumbs" }, h("a", { href: link([]) }, "Requirements"), " / ", item.agent),
         h("h1", {}, badge(item.verdict), " ", driveRobust.requirementLabel(item)),
         h("p", { class: "lead" }, sentenceOf(item)),
+        item.promise ? h("p", { class: "promise" }, item.promise) : null,
         item.reason ? h("p", { class: "notice" }, item.reason) : null,
-        worst(item, routes),
+        broken(item),
+        worst(item),
         h("div", { class: routes.some(({ twin }) => twin) ? "columns" : "columns single" },
           item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthWords(item)) : null,
-          scatter(item, routes)),
-        table(item, routes),
+          scatter(routes)),
+        table(routes),
         h("p", { class: "soft" }, `test ${item.nodeid}`),
       ],
     };
@@ -29,7 +30,8 @@ driveRobust.views.set("requirement", (() => {
     if (item.value === null) return "It could not be judged.";
     const interval = between(item.metric, item.low, item.high);
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
-    return `${item.metric} is ${shownBeside(item.metric, item.value, item.limit)}${interval ? `, on routes like these ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}, ${RULES[item.rule] || ""}.`;
+    const where = item.rule === "evidence" ? " on routes like these" : "";
+    return `${item.metric} is ${shownBeside(item.metric, item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
   }
 
   function growthWords(item) {
@@ -42,34 +44,49 @@ driveRobust.views.set("requirement", (() => {
   /* The episodes behind the verdict with their twins, in the order in which they were read. */
   function routesOf(item) {
     const episodes = driveRobust.episodes.own();
-    const all = driveRobust.episodes.all();
     return item.order.flatMap((route) => item.seeds.map((seed) => episodes.find((found) => found.agent === item.agent && found.setting === item.setting && found.route === route && found.seed === seed)))
       .filter(Boolean)
       .map((episode) => {
-        const twin = episode.twin >= 0 ? all[episode.twin] : null;
-        return { episode, twin, lost: episode.scored && (!twin || twin.scored) ? (twin ? twin.ds : 100) - episode.ds : null };
+        return { episode, twin: twinOf(episode) };
       });
   }
 
-  function worst(item, routes) {
-    const found = routes.filter(({ lost }) => lost > 0.5).sort((one, other) => other.lost - one.lost).slice(0, 3);
-    if (!found.length) return null;
-    return h("section", {}, h("h2", {}, "Worst routes"), h("ul", { class: "cards" }, found.map(({ episode, twin }) => h("li", {},
-      h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
-      h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${fixed(twin.ds, 1)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, `${fixed(episode.ds, 1)}`)),
-      h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; parted at ${seconds(episode.parted)} ${episode.partedBy}` : "")))));
+  function twinOf(episode) {
+    return episode.twin >= 0 ? driveRobust.episodes.all()[episode.twin] : null;
   }
 
-  function scatter(item, routes) {
+  /* An error has no routes behind it, but there are the episodes that made it one. */
+  function broken(item) {
+    if (!item.broken.length) return null;
+    const all = driveRobust.episodes.all();
+    return h("section", {}, h("h2", {}, "Episodes that ended in an error"), driveRobust.episodeTable(item.broken.map((number) => all[number])));
+  }
+
+  function worst(item) {
+    if (!item.worst.length) return null;
+    const all = driveRobust.episodes.all();
+    /* The number by which a route is one of the worst: a metric of its own beside the driving score. */
+    const numbers = (value, ds) => `${value === null ? "" : `${item.metric} ${shown(item.metric, value)}, `}DS ${fixed(ds, 1)}`;
+    return h("section", {}, h("h2", {}, "Worst routes"), h("ul", { class: "cards" }, item.worst.map(([number, cleanValue, value]) => {
+      const episode = all[number];
+      const twin = twinOf(episode);
+      return h("li", {},
+        h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
+        h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${numbers(cleanValue, twin.ds)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, numbers(value, episode.ds))),
+        h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; parted at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
+    })));
+  }
+
+  function scatter(routes) {
     const pairs = routes.filter(({ twin, episode }) => twin && twin.scored && episode.scored);
     if (!pairs.length) return null;
     return h("section", {}, h("h2", {}, "Clean against perturbed"), driveRobust.charts.scatter(pairs.map(({ episode, twin }) => [twin.ds, episode.ds, driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)), `${episode.place.scenario} ${episode.route}: ${fixed(twin.ds, 1)} clean, ${fixed(episode.ds, 1)} perturbed`]), "Driving scores of each route, clean across and perturbed up"),
       h("p", { class: "soft" }, "Each point is a route: below the line it lost score. A point opens its replay."));
   }
 
-  function table(item, routes) {
+  function table(routes) {
     if (!routes.length) return null;
-    return h("section", {}, h("h2", {}, `Routes in the order of reading`), driveRobust.episodeTable(routes.map(({ episode }) => episode), { clean: true, numbered: true }));
+    return h("section", {}, h("h2", {}, "Routes in the order of reading"), driveRobust.episodeTable(routes.map(({ episode }) => episode), { clean: routes.some(({ twin }) => twin), numbered: true, agent: false, setting: false }));
   }
 
   return { render };

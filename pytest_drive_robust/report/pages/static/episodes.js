@@ -7,16 +7,17 @@ driveRobust.episodeTable = (() => {
     ["scenario", (item) => item.place.scenario, false], ["route", (item) => item.route, false], ["setting", (item) => item.setting, false],
     ["DS", (item) => item.ds ?? -1, true], ["what happened", (item) => item.story, false], ["driven", (item) => item.seconds, true],
   ];
+  const HIDDEN_NARROW = { "clean DS": "twin", driven: "driven" };
 
-  return (episodes, { clean = false, numbered = false, agent = false } = {}) => {
+  return (episodes, { clean = false, numbered = false, agent = driveRobust.episodes.agents().length > 1, setting = true } = {}) => {
     const all = driveRobust.episodes.all();
     let [sorted, way, count] = [null, 1, STEP];
     const body = h("tbody", {});
     const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } }, "Show more");
-    const columns = [...COLUMNS];
+    const columns = COLUMNS.filter(([name]) => setting || name !== "setting");
     if (agent) columns.splice(2, 0, ["agent", (item) => item.agent, false]);
     if (clean) columns.splice(columns.length - 3, 0, ["clean DS", (item) => (item.twin >= 0 ? all[item.twin].ds ?? -1 : -1), true]);
-    const heads = columns.map(([name, of, number]) => h("th", { scope: "col", class: number ? "number" : null }, h("button", { type: "button", class: "sort", onclick: () => sort(name, of) }, name)));
+    const heads = columns.map(([name, of, number]) => h("th", { scope: "col", class: [number ? "number" : "", HIDDEN_NARROW[name] || ""].join(" ").trim() || null }, h("button", { type: "button", class: "sort", onclick: () => sort(name, of) }, name)));
 
     function sort(name, of) {
       way = sorted === name ? -way : 1;
@@ -35,10 +36,10 @@ driveRobust.episodeTable = (() => {
         const href = driveRobust.episodes.href(item, driveRobust.episodes.moment(item));
         const cells = columns.map(([name, of]) => {
           if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, item.place.scenario));
-          if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}` }, fixed(item.ds, 1));
+          if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}`, "data-label": "DS" }, fixed(item.ds, 1));
           if (name === "clean DS") return h("td", { class: "number twin" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
           if (name === "driven") return h("td", { class: "number driven" }, seconds(item.seconds));
-          if (name === "route") return h("td", { class: "route" }, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
+          if (name === "route") return h("td", { class: "route", "data-label": "route" }, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
           return h("td", { class: name === "what happened" ? "story" : name }, of(item));
         });
         return h("tr", {}, numbered ? h("td", { class: "number soft place" }, at + 1) : null, cells);
@@ -47,7 +48,7 @@ driveRobust.episodeTable = (() => {
     }
 
     fill();
-    return [scroller("Episodes", h("table", { class: "list episodes" }, h("thead", {}, h("tr", {}, numbered ? h("td", {}) : null, heads)), body)), more];
+    return [scroller("Episodes", h("table", { class: "list episodes" }, h("thead", {}, h("tr", {}, numbered ? h("td", { class: "place" }) : null, heads)), body)), more];
   };
 })();
 
@@ -91,7 +92,7 @@ driveRobust.views.set("episodes", (() => {
       const active = FILTERS.filter(([name]) => now[name]);
       const found = episodes.filter((item) => active.every(([name, of]) => of(item, run).includes(now[name])) && words.every((word) => textOf(item).includes(word)));
       count.textContent = `${found.length} of ${counted(episodes.length, "episode")}, ${found.filter((item) => item.success).length} without a fault`;
-      results.replaceChildren(...driveRobust.episodeTable(found, { clean: true, agent: new Set(episodes.map((item) => item.agent)).size > 1 }));
+      results.replaceChildren(...driveRobust.episodeTable(found, { clean: true }));
     }
 
     const texts = new Map();

@@ -11,7 +11,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, shown, shownBeside, between, duration, counted, badge, scroller } = driveRobust;
+  const { h, link, fixed, shown, shownBeside, between, duration, counted, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -38,8 +38,8 @@ driveRobust.views.set("", (() => {
     if (!total) return run.rows.length ? "Nothing was judged" : "Nothing was driven";
     const parts = [count("pass") === total ? (total === 1 ? "The requirement holds" : `All ${total} requirements hold`) : `${count("pass")} of ${counted(total, "requirement")} ${total === 1 ? "holds" : "hold"}`];
     if (count("fail")) parts.push(`${count("fail")} broken`);
-    if (count("error")) parts.push(`${count("error")} not judged`);
-    if (count("inconclusive")) parts.push(`${count("inconclusive")} open`);
+    if (count("error")) parts.push(counted(count("error"), "error"));
+    if (count("inconclusive")) parts.push(`${count("inconclusive")} inconclusive`);
     if (run.rows.some((row) => row.finished < row.needed)) parts.push("but the run ended early");
     return parts.join(", ");
   }
@@ -59,15 +59,23 @@ driveRobust.views.set("", (() => {
   }
 
   function requirements(items) {
-    return scroller("Requirements", h("table", { class: "list requirements" },
+    const extents = new Map(items.map((item) => [item.metric, driveRobust.charts.shared(items, item.metric)]));
+    return [scroller("Requirements", h("table", { class: "list requirements" },
       h("thead", {}, h("tr", {}, ["verdict", "requirement", "agent", "value", "against the limit", "routes"].map((name) => h("th", { scope: "col", class: name === "value" || name === "routes" ? "number" : null }, name)))),
       h("tbody", {}, items.map((item) => h("tr", {},
         h("td", {}, badge(item.verdict)),
-        h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item))),
+        h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), item.verdict === "error" && item.reason ? h("p", { class: "soft why" }, item.reason) : null),
         h("td", { class: "who" }, item.agent),
         h("td", { class: "number" }, shownBeside(item.metric, item.value, item.limit)),
-        h("td", { class: "drawn" }, driveRobust.charts.bullet(item)),
-        h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013"))))));
+        h("td", { class: "drawn" }, driveRobust.charts.bullet(item, extents.get(item.metric))),
+        h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013")))))), legendOf(items)];
+  }
+
+  /* What the bars are: by evidence an interval of another level than by the other rules. */
+  function legendOf(items) {
+    const levels = new Map(items.filter((item) => item.value !== null).map((item) => [item.rule === "evidence", item.level]));
+    const words = [...levels].map(([evidence, level]) => `${level} interval${evidence ? " on routes like these (rule evidence)" : levels.size > 1 ? " (rules list and point)" : ""}`);
+    return words.length ? h("p", { class: "legend" }, `Bar: ${words.join(", ")}; line: the limit, shaded beyond it; each metric has one scale.`) : null;
   }
 
   /* Return 0 (bad) to 1 (good) of a value, null where the metric has no scale of its own. */
@@ -83,12 +91,17 @@ driveRobust.views.set("", (() => {
     const share = goodness(metric, value);
     const interval = row.intervals[metric];
     const words = [`${row.agent} under ${row.label}: ${metric} ${shown(metric, value)}`];
-    if (interval) words.push(`${between(metric, ...interval)} on routes like these`);
+    if (interval) words.push(`${driveRobust.given.get("run").level} interval on routes like these ${between(metric, ...interval)}`);
     words.push(`${row.routes} of ${counted(row.planned, "route")}`);
     const empty = value === null || value === undefined;
-    const inside = [shown(metric, value), interval ? h("span", { class: "range" }, ` ${between(metric, ...interval)}`) : null];
+    const inside = [shown(metric, value), interval ? h("span", { class: "range" }, ` ${rangeOf(metric, interval)}`) : null];
     return h("td", { class: `number heat${share === null ? " flat" : share < 0.5 ? " low" : ""}`, title: words.join(", "), vars: share === null ? {} : { share: `${Math.round(Math.abs(share - 0.5) * 200)}%` } },
       empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
+  }
+
+  /* As in the terminal: of a driving score no decimals. */
+  function rangeOf(metric, interval) {
+    return metric === "DS" ? interval.map((end) => fixed(end, 0)).join(" to ") : between(metric, ...interval);
   }
 
   function matrix(run, metric) {
@@ -98,7 +111,9 @@ driveRobust.views.set("", (() => {
     const choice = h("div", { class: "choice", role: "group", "aria-label": "Metric" }, names.map((name) => h("a", { href: link([], { metric: name }), class: name === metric ? "here" : null, "aria-current": name === metric ? "true" : null }, name === "all" ? "all metrics" : name)));
     const of = (agent, label) => run.rows.find((row) => row.agent === agent && row.label === label);
     const head = [h("div", { class: "head" }, h("h2", {}, "Agents and settings"), choice)];
-    const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? ` ${run.metrics[metric].meaning}` : " intervals, where a verdict did not need all routes, in small figures");
+    const partial = run.rows.some((row) => row.intervals.DS);
+    const figures = partial ? `In small figures, where verdicts did not need all routes: ${run.level} intervals on routes like these.` : "";
+    const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? h("span", {}, run.metrics[metric].meaning) : null, figures ? h("span", {}, figures) : null);
     if (metric === "all") {
       const several = agents.length > 1;
       return [head, scroller("Agents and settings", h("table", { class: "matrix" },

@@ -1,0 +1,135 @@
+"""A requirement as plain data: value and limit, what the verdict promises, the routes that explain it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.metrics.table import Metric
+from pytest_drive_robust.report.numbers import OPEN
+from pytest_drive_robust.report.pages.episodes import EpisodeTable
+from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
+from pytest_drive_robust.report.promise import claims, confidence, of_these_routes, shown_by_evidence
+from pytest_drive_robust.report.run_records import RunRecords
+from pytest_drive_robust.verdict.evaluate import yardstick_of
+from pytest_drive_robust.verdict.explain import worst_routes
+from pytest_drive_robust.verdict.requirement import known_metric, lenient_limit
+
+_BROKEN = (Outcome.INFRA_ERROR, Outcome.AGENT_ERROR)
+_NAMES = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")
+
+
+def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any]) -> dict[str, Any]:
+    """Return everything that the page of a requirement shows; episodes by their numbers in `table`."""
+    is_error = judged["verdict"] == "error"
+    order = [] if is_error else reading_order(records, judged)
+    metric = _metric(judged["metric"])
+    rule, alpha = judged.get("rule", ""), records.document["settings"].get("alpha", 0.05)
+    lenient = None if metric is None else _lenient(records, judged, metric)
+    return {
+        **{name: judged[name] for name in _NAMES},
+        "routesSpec": judged["routes_spec"],
+        "low": bound(judged.get("low")),
+        "high": bound(judged.get("high")),
+        "level": level_text(rule, alpha),
+        "routes": judged["routes"],
+        "planned": judged.get("planned", judged["routes"]),
+        "rule": rule,
+        "pValue": judged.get("p_value"),
+        "reason": judged.get("message", "") or (OPEN if judged["verdict"] == "inconclusive" else ""),
+        "lenient": lenient,
+        "promise": _promise(judged, metric, lenient, alpha),
+        "seeds": judged["seeds"],
+        "baseline": records.baselines.get(judged["setting"], "clean"),
+        "order": order,
+        "growth": growth(records, judged, order),
+        "worst": [] if metric is None or is_error else _worst(records, table, judged, metric, order),
+        "broken": _broken(records, table, judged, metric) if is_error else [],
+    }
+
+
+def level_text(rule: str, alpha: float) -> str:
+    """Return how sure an interval is: `"90 %"`."""
+    return f"{100.0 * confidence(rule, alpha):.3g} %"
+
+
+def _metric(name: str) -> Metric | None:
+    try:
+        return known_metric(name)
+    except (DriveRobustError, ImportError):  # of a plugin that is not here
+        return None
+
+
+def _lenient(records: RunRecords, judged: Mapping[str, Any], metric: Metric) -> float | None:
+    """Return what a pass from evidence is better than; None by other rules."""
+    if judged.get("rule") != "evidence":
+        return None
+    limit, margin = float(judged["limit"]), judged.get("margin")
+    if margin is not None:
+        return round(limit + float(margin) if judged["comparison"] == "<=" else limit - float(margin), 12)
+    usual = records.document["settings"].get("margin")  # a run of before: verdicts did not tell theirs
+    return lenient_limit(metric, judged["comparison"], limit, VerdictRule("evidence", margin=usual)) if usual else None
+
+
+def _promise(judged: Mapping[str, Any], metric: Metric | None, lenient: float | None, alpha: float) -> str:
+    """Return what a pass or a fail says, as a sentence; empty for other verdicts."""
+    verdict, rule = judged["verdict"], judged.get("rule", "")
+    if verdict not in ("pass", "fail"):
+        return ""
+    if rule in ("list", "point"):
+        routes, planned = judged["routes"], judged.get("planned", judged["routes"])
+        said = of_these_routes(rule, routes=routes, planned=planned, alpha=alpha)
+        return f"{said[0].upper()}{said[1:]}."
+    if metric is None or lenient is None:
+        return ""
+    broken, held = claims(metric, judged["comparison"], limit=float(judged["limit"]), lenient=lenient)
+    claim = broken if verdict == "fail" else held
+    return f"Shown: {shown_by_evidence(claim, verdict, alpha=alpha, family=judged.get('family', 1))}."
+
+
+def _worst(
+    records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any], metric: Metric, order: Sequence[str]
+) -> list[list[Any]]:
+    """Return [episode, clean value, value] of the routes that a message in the terminal names.
+
+    The values are those of the metric by which a route is one of the worst, None where that is the driving score.
+    """
+    agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
+    mode = records.document["settings"]["metrics"]
+    perturbed = _scored(records.of_setting(agent, setting, order, seeds))
+    twins = [twin for result in perturbed if (twin := records.twin(result.episode)) is not None]
+    clean = _scored(twins)
+    if metric.needs_clean:
+        places = {(twin.episode.route_id, twin.episode.seed) for twin in clean}
+        perturbed = [item for item in perturbed if (item.episode.route_id, item.episode.seed) in places]
+    passed = judged["verdict"] == "pass"
+    yardstick = None if passed else yardstick_of(metric, judged["comparison"], float(judged["limit"]), mode=mode)
+    numbers = {(item.episode.route_id, item.episode.seed): table.numbers[0, item.episode] for item in perturbed}
+    return [
+        [numbers[item.route_id, item.seed], bound(item.clean_value), bound(item.perturbed_value)]
+        for item in worst_routes(clean, perturbed, relative=metric.needs_clean, yardstick=yardstick)
+    ]
+
+
+def _scored(results: Sequence[EpisodeResult]) -> list[EpisodeResult]:
+    return [result for result in results if result.outcome is not Outcome.INFRA_ERROR]
+
+
+def _broken(records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any], metric: Metric | None) -> list[int]:
+    """Return the episodes that ended in an error, of which a verdict may say no more than that it is one."""
+    routes = {route.id for route in records.routes.get(judged["routes_spec"], ())}
+    settings = {judged["setting"]}
+    if metric is not None and metric.needs_clean:
+        settings.add(records.baselines.get(judged["setting"], "clean"))
+    return [
+        table.numbers[0, episode]
+        for episode, result in records.results.items()
+        if result.outcome in _BROKEN
+        and (episode.agent, episode.setting in settings) == (judged["agent"], True)
+        and episode.seed in judged["seeds"]
+        and (not routes or episode.route_id in routes)
+    ]
