@@ -29,6 +29,7 @@ from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
+from pytest_drive_robust.verdict.explain import seconds_text
 
 pytestmark = pytest.mark.slow
 
@@ -346,6 +347,12 @@ def test_an_interval_of_rd_ends_as_in_the_terminal(opened, tmp_path):
     page = report.go()
     report.follow(page.locator("table.requirements th a"))
     assert "< \u22121 to 0.20" in text(page, ".lead")
+
+
+def test_a_second_is_rounded_as_in_the_terminal(opened):
+    page = opened().go()
+    times = [round(tick * 0.05, 2) for tick in range(2000)]
+    assert page.evaluate("times => times.map(driveRobust.seconds)", times) == [seconds_text(time) for time in times]
 
 
 def test_a_narrow_table_of_episodes_keeps_its_heads_and_is_sorted_by_them(opened):

@@ -101,8 +101,9 @@ const driveRobust = (() => {
     const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(metric, value));
     return `${word(low)} to ${word(high)}`;
   }
+  /* A time of an episode as sentences of Python round it (verdict/explain.py): 7.25 is 7.3. */
   function seconds(value) {
-    return `${fixed(value, 1)} s`;
+    return `${fixed(Math.floor(Number((10 * value).toFixed(6)) + 0.5) / 10, 1)} s`;
   }
   function duration(value) {
     if (value < 120) return `${Math.round(value)} s`;
