@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -24,6 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _check_agent(options: argparse.Namespace) -> int:
+    check_seeds([options.seed], source="--seed")
     registry = default_registry()
     registry.agent(options.agent)  # an unknown name is said at once, before a world is built
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))

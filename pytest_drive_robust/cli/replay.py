@@ -22,7 +22,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.option import GivenText
-from pytest_drive_robust.options.parsers import seconds
+from pytest_drive_robust.options.parsers import check_seeds, seconds
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.film.file_name import film_name
@@ -124,6 +124,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
         raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
     sentence = options.setting or (stored.episode.setting if stored else "clean")
     seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
+    check_seeds([seed], source="--seed")
     return _Wanted(
         agent=agent,
         route=stored.episode.route_id if stored else options.route,

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of
+from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode
@@ -87,14 +87,13 @@ def read_episode_file(name: str) -> EpisodeResult:
 
 
 def _run_file(reference: str | None) -> Path | None:
-    if reference is not None and (reference.endswith(".json") or "/" in reference):
-        if not Path(reference).is_file():
-            raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
-        return Path(reference)
     runs = StoredRuns(home_of(Path.cwd()))
     if reference is None and not runs.names():
         return None
-    return runs.find(reference or "latest")
+    path = run_file(runs, reference or "latest")
+    if not path.is_file():
+        raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
+    return path
 
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:

@@ -7,6 +7,7 @@ and the entry point group `pytest_drive_robust.metrics` register it.
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -14,6 +15,7 @@ from typing import Protocol
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.degradation import paired_driving_scores, robustness_degradation
 from pytest_drive_robust.metrics.efficiency import efficiency
@@ -66,13 +68,16 @@ class Metric:
     def measure(
         self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
     ) -> float | None:
-        """Return the value over `results`, None without data. Raises `ComparisonError` as its formula says."""
+        """Return the value over `results`, None without data.
+
+        Raises `ComparisonError` as its formula says, and where a user's function raises anything.
+        """
         require_mode(mode)
         require_scorable(results)
         if self.needs_clean:
             return robustness_degradation(clean, results)
         if self.function is not None:
-            return self.function(results)
+            return self._value_of(self.function, results)
         values, _ = self.by_route(results, mode=mode)
         return mean(values) if values else None
 
@@ -101,6 +106,16 @@ class Metric:
         values, references = self.by_route(results, mode=mode)
         return (values[0], references[0]) if values else None
 
+    def _value_of(self, function: MetricFunction, results: Sequence[EpisodeResult]) -> float | None:
+        """Call a user's function: what it raises is no verdict on the agent, and says where it was raised."""
+        try:
+            return function(results)
+        except DriveRobustError:
+            raise
+        except Exception as error:
+            told = f"the metric {self} raised {type(error).__name__}: {error}{_place_of(error)}"
+            raise ComparisonError(told) from error
+
     def format(self, value: float | None) -> str:
         """Return the value for people: `"0.43"`, `"61.25"`; a dash when there is no data."""
         if value is None:
@@ -111,6 +126,13 @@ class Metric:
         """Return the limit for a sentence, exact: `"0.30"` with two decimals at least for RD and SR, else `"40"`."""
         text = f"{limit:g}" if self.decimals is None else f"{limit:.{self.decimals}f}"
         return text if float(text) == limit else repr(float(limit))
+
+
+def _place_of(error: Exception) -> str:
+    """Return in brackets the last line of the function's own file that led to its error; nothing for one in C."""
+    called = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is ours
+    own = [frame for frame in called if frame.filename == called[0].filename]
+    return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""
 
 
 _BUILTIN = (

@@ -12,6 +12,8 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.option import GivenText, asked_for
 
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
+_SEEDS_END = 1 << 53
+"""From here on a record takes no whole number: JSON readers tell them no more apart."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
@@ -42,6 +44,8 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
     for seed in seeds:
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
             raise UsageError(f"{source} holds {seed!r}, expected whole numbers >= 0.")
+        if seed >= _SEEDS_END:
+            raise UsageError(f"{source} holds {seed}, expected numbers below 2^53 = {_SEEDS_END}.")
         if seed in numbers:
             raise UsageError(f"{source} holds seed {seed} twice: the same episode would count double.")
         numbers.append(seed)
@@ -93,10 +97,16 @@ def gigabytes(given: GivenText) -> int | None:
 
 def writable_file(given: GivenText) -> Path | None:
     """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
-    if given.text and (start_folder(given) / given.text).is_dir():
+    if not given.text:
+        return None
+    path = start_folder(given) / given.text
+    if path.is_dir():
         example = f"{given.text}/run{given.flag.replace('--drive-', '.')}"
         raise UsageError(f"{given.flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
-    return writable_folder(given)
+    if path.exists() and not path.is_file():
+        raise UsageError(f"{given.flag} is {given.text!r}, which is a pipe or a device; expected a file.")
+    _require_writable(given, Path(os.path.realpath(path)))  # a link stays
+    return path.absolute()
 
 
 def writable_folder(given: GivenText) -> Path | None:
@@ -107,13 +117,18 @@ def writable_folder(given: GivenText) -> Path | None:
     if not given.text:
         return None
     path = (start_folder(given) / given.text).absolute()
+    _require_writable(given, path)
+    return path
+
+
+def _require_writable(given: GivenText, path: Path) -> None:
+    """Raise `UsageError` where `path` could not be written or made."""
     if not path.parent.is_dir():
         missing, similar = str(path.parent), _similar(path.parent)
         raise UsageError(f"{given.flag} is {given.text!r}, but there is no directory {missing!r}.{similar}")
     place = path if path.is_dir() else path.parent
     if not os.access(place, os.W_OK):
         raise UsageError(f"{given.flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
-    return path
 
 
 def start_folder(given: GivenText) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -169,7 +168,7 @@ def _executor(
         """Return how a fresh process comes to know the names that this one knows."""
         return WorkerSetup(
             python_path=tuple(sys.path),
-            folder=os.getcwd(),
+            folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
             plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
             simulator=options.simulator,
             options=world,

@@ -124,7 +124,7 @@ class Drive:
         broke in the simulator, nothing to compare with). An inconclusive verdict warns, fails or skips, as
         `--drive-inconclusive` says.
 
-        `verdict` (`"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
+        `verdict` (`"auto"`, `"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
         __tracebackhide__ = True
         _require_requirement("check", requirement)

@@ -20,7 +20,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, 
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
-_NARROWING = ("keyword", "markexpr", "deselect", "lf", "failedfirst", "stepwise")
+_NARROWING = ("keyword", "markexpr", "deselect", "ignore", "ignore_glob", "lf", "stepwise")
 
 
 class ReportingPlugin:

@@ -10,7 +10,7 @@ from pytest_drive_robust.options.option import GivenText, OptionSource, asked_fo
 from pytest_drive_robust.options.parsers import start_folder
 from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name
+from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name, names_file
 
 
 def _save(given: GivenText) -> str:
@@ -30,14 +30,18 @@ def _allowances(given: GivenText) -> tuple[Allowance, ...]:
 
 
 def _compare(given: GivenText) -> str:
-    """Refuse a place: `--drive-compare suites/` takes the folder that was meant to be collected."""
-    reference = given.text
-    if "::" in reference or reference.endswith(".py") or (reference and Path(reference).is_dir()):
+    """Return a reference as it was said, a file that the ini file names by its whole path.
+
+    A place is refused: `--drive-compare suites/` takes the folder that was meant to be collected.
+    """
+    reference, start = given.text, start_folder(given)
+    if "::" in reference or reference.endswith(".py") or (reference and (start / reference).is_dir()):
         raise UsageError(
             f"--drive-compare is {reference!r}, expected a stored run, a JSON file of a run, latest or baseline. If it "
             "was meant as a path to collect, put it before --drive-compare."
         )
-    return reference
+    in_ini = given.source is not None and not asked_for(given.flag, given.source)
+    return str(start / reference) if reference and in_ini and names_file(reference, start) else reference
 
 
 def _baselines(given: GivenText) -> Path:

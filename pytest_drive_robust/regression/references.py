@@ -23,6 +23,7 @@ from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import blessed_snapshot, read_baseline
 from pytest_drive_robust.regression.document import read_document, snapshot_of
 from pytest_drive_robust.regression.snapshot import Snapshot
+from pytest_drive_robust.store.record_files import hide_from_git
 from pytest_drive_robust.store.whole_file import write_whole
 
 AUTO = "auto"
@@ -72,7 +73,7 @@ class StoredRuns:
         `text_of` turns a document into text. The file appears when it is complete.
         """
         self.path.mkdir(parents=True, exist_ok=True)
-        self._hide_from_git()
+        hide_from_git(self._home / _HOME)  # baselines are what is committed
         now, commit = clock.now(), git.commit(self._home)
         if name == AUTO:
             name = self._free(f"{now:%Y-%m-%d_%H-%M-%S}" + (f"_{commit}" if commit else ""))
@@ -102,19 +103,16 @@ class StoredRuns:
             number, free = number + 1, f"{name}_{number + 1}"
         return free
 
-    def _hide_from_git(self) -> None:
-        """Keep stored runs out of git: they are large and belong to one machine. Baselines are what is committed."""
-        ignore = self._home / _HOME / ".gitignore"
-        if not ignore.exists():
-            write_whole(ignore, "*\n")
+
+def names_file(reference: str, start: Path = Path()) -> bool:
+    """Return True for a path, which starts from the folder `start`; False for the name of a stored run."""
+    path = Path(reference)
+    return path.suffix == ".json" or len(path.parts) > 1 or (start / path).is_file()
 
 
 def run_file(runs: StoredRuns, reference: str) -> Path:
     """Return the file that people mean: a path, else the stored run of that name. Raises `UnknownNameError`."""
-    path = Path(reference)
-    if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
-        return path
-    return runs.find(reference)
+    return Path(reference) if names_file(reference) else runs.find(reference)
 
 
 def read_run_document(reference: str) -> dict[str, Any]:
@@ -144,10 +142,8 @@ class References:
             return self._auto(simulator)
         if word == _BASELINE:
             return self._blessed(agent, simulator)
-        path = Path(reference)
-        if path.suffix == ".json" or path.is_file() or len(path.parts) > 1:
-            return self._file(path, simulator)
-        return self.stored(reference)
+        path = run_file(self.runs, reference)
+        return self._file(path, simulator) if path == Path(reference) else self.stored(path.stem)
 
     def load_run(self, reference: str) -> Snapshot:
         """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""

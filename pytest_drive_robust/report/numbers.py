@@ -74,9 +74,9 @@ def counted(number: int, noun: str) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Return `"12 s"`, `"90 s"`, `"2.5 min"`, `"30 min"`, `"1.5 h"`."""
+    """Return `"0 s"`, `"12 s"`, `"90 s"`, `"2.5 min"`, `"30 min"`, `"1.5 h"`."""
     if seconds < 100:
-        return f"{max(1, round(seconds))} s"
+        return f"{max(1, round(seconds)) if seconds > 0 else 0} s"
     if seconds < 570:
         return f"{round(seconds / 30) / 2:g} min"
     return f"{seconds / 60:.0f} min" if seconds < 3600 else f"{seconds / 3600:.1f} h"

@@ -41,6 +41,8 @@ _NAMES = tuple(item.name for item in fields(IndexedEpisode))
 
 def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
     """Return what each record of a store says, in the order of keys. Only files that changed since then are read."""
+    if next(files.all_keys(), None) is None and not (files.folder / _FILE).exists():
+        return []  # a folder without records stays as it is
     try:
         with contextlib.closing(_open(files.folder / _FILE)) as database:
             return _updated(database, files)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 from pytest_drive_robust.store.events import Event, event_from_json, event_to_json
@@ -16,8 +17,10 @@ class JournalWriter:
         self._file = (journals / f"{name}.jsonl").open("ab", buffering=0)
 
     def __call__(self, event: Event) -> None:
-        """Append one event."""
-        self._file.write(event_to_json(event).encode() + b"\n")
+        """Append one event. Raises `OSError`."""
+        rest = memoryview(event_to_json(event).encode() + b"\n")
+        while rest:
+            rest = rest[self._file.write(rest) :]
 
     def close(self) -> None:
         """Close the file."""
@@ -32,7 +35,7 @@ class JournalReader:
         self._positions: dict[Path, int] = {}
 
     def read(self) -> list[Event]:
-        """Read new events, in order within each process. A line whose writer died in the middle of it is left out."""
+        """Read new events, in order within each process. A line that was cut off is left out: its writer died."""
         events: list[Event] = []
         for path in sorted(self._folder.glob("*.jsonl")):
             with path.open("rb") as file:
@@ -40,5 +43,7 @@ class JournalReader:
                 fresh = file.read()
             whole, newline, _ = fresh.rpartition(b"\n")
             self._positions[path] = self._positions.get(path, 0) + len(whole) + len(newline)
-            events.extend(event_from_json(line) for line in whole.decode().splitlines())
+            for line in whole.splitlines():
+                with contextlib.suppress(ValueError):
+                    events.append(event_from_json(line.decode()))
         return events

@@ -15,12 +15,19 @@ SUFFIX = ".episode"
 
 _CACHE_TAG = "Signature: 8a477f597d28d172789f06886806bc55\n# Episodes that pytest-drive-robust drove: safe to delete.\n"
 """By this first line backup programs know a cache (bford.info/cachedir)."""
-_OURS = frozenset({"episodes", "claims", "aside", "runs", "index.sqlite", ".gitignore", "CACHEDIR.TAG"})
+_IGNORE_FILE = ".gitignore"
+_OURS = frozenset({"episodes", "claims", "aside", "runs", "bench2drive", "index.sqlite", _IGNORE_FILE, "CACHEDIR.TAG"})
 
 
 def is_store(folder: Path) -> bool:
     """Return whether a folder holds records, or was made to; an empty one will do."""
     return (folder / "episodes").is_dir() or (folder / "CACHEDIR.TAG").is_file() or not any(folder.iterdir())
+
+
+def hide_from_git(folder: Path) -> None:
+    """Let git pass over all that is in `folder`: it is large and belongs to one machine. Raises `OSError`."""
+    if not (folder / _IGNORE_FILE).exists():
+        write_whole(folder / _IGNORE_FILE, "*\n", synced=True)
 
 
 def write_episode(path: Path, result: EpisodeResult) -> None:
@@ -97,6 +104,6 @@ class RecordFiles:
         make_folder_synced(shard)
         # A folder that holds other things is somebody's: we must not hide those from git.
         if set(os.listdir(self.folder)) <= _OURS:
-            for name, content in ((".gitignore", "*\n"), ("CACHEDIR.TAG", _CACHE_TAG)):
-                if not (self.folder / name).exists():
-                    write_whole(self.folder / name, content, synced=True)
+            hide_from_git(self.folder)
+            if not (self.folder / "CACHEDIR.TAG").exists():
+                write_whole(self.folder / "CACHEDIR.TAG", _CACHE_TAG, synced=True)

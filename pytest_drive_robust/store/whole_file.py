@@ -40,7 +40,11 @@ def write_whole(path: Path, content: str | bytes, *, synced: bool = False) -> No
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a free name beside `path`: the file that the block writes there becomes `path`, or goes when it raises."""
+    """Yield a free name beside `path`: the file that the block writes there becomes `path`, or goes when it raises.
+
+    A link stays: the file that it leads to is written.
+    """
+    path = Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}.tmp")
     try:
         yield temporary

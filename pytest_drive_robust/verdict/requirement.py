@@ -68,7 +68,7 @@ class Requirement:
 
     `metric` is RD, DS (0..100), SR (0..1), efficiency or comfort (percent) or a registered one and may be given by its
     name, `comparison` is `"<="` or `">="`, a value equal to the limit passes. `str()` is the sentence that
-    `parse_requirement` reads.
+    `sentences.requirements` reads.
 
     Raises `RequirementError` for an unknown metric, a limit outside the metric's range, and for requirements that
     cannot fail: RD under clean, DS >= 0, SR <= 1.

@@ -98,19 +98,6 @@ def _read(path: Path) -> str:
         raise RequirementError(f"the requirements in {str(path)!r} cannot be read: {error}.") from None
 
 
-def parse_requirement(line: str, *, known: Known | None = None) -> Requirement:
-    """Return the requirement that one sentence states; the inverse of `str()`.
-
-    Raises `RequirementError` with what was expected and the nearest valid sentence.
-    """
-    if known is not None:
-        return _parsed(line, known)
-    try:
-        return _parsed(line, default_registry().perturbations())
-    except RequirementError as error:
-        raise RequirementError(f"{error}{_left_out()}") from None
-
-
 def _left_out() -> str:
     """Return which registered failures no sentence can use; empty when all of them load."""
     problems = default_registry().problems()

@@ -253,3 +253,18 @@ def test_episodes_that_broke_in_the_simulator_are_no_pass(suite):
     result = run(folder, "--drive-compare=before")
     assert result.ret == 1
     result.stdout.fnmatch_lines(["ERROR: not compared with before: there is nothing to compare*"])
+
+
+def test_a_file_that_the_ini_file_compares_with_starts_from_the_root_folder_and_a_name_stays_one(both, monkeypatch):
+    assert run(both, "--drive-save=before", "--drive-json=run.json").ret == 0
+    ini = both.path / "tox.ini"
+    known = ini.read_text()
+    monkeypatch.chdir(both.mkdir("below"))
+    for compared, told in (("run.json", str(both.path / "run.json")), ("before", "before")):
+        ini.write_text(f"{known}drive_compare = {compared}\n")
+        result = run(both, "..")
+        assert result.ret == 0
+        result.stdout.fnmatch_lines([f"*compare={told}*"])
+    refused = run(both, "..", "--drive-compare=run.json")  # the command line starts from here
+    assert refused.ret == 4
+    refused.stderr.fnmatch_lines(["*there is no run file named 'run.json'*"])

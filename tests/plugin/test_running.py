@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import signal
 import subprocess
@@ -163,6 +164,49 @@ def test_files_to_write_that_the_ini_file_names_start_from_the_root_folder(suite
     assert [path.name for path in Path.cwd().iterdir()] == ["mine.csv"]
     for name in ("out/run.json", "run.csv", "out/pages/index.html"):
         assert (folder.path / name).is_file(), name
+
+
+@pytest.mark.skipif(os.name == "nt", reason="neither is there")
+def test_reports_go_where_a_link_leads_and_never_replace_a_pipe(suite, driven):
+    folder = suite(GREEN)
+    os.mkfifo(folder.path / "pipe")
+    for flag in ("--drive-json", "--drive-csv"):
+        refused = run(folder, flag, "pipe")
+        assert refused.ret == 4
+        refused.stderr.fnmatch_lines([f"*{flag} is 'pipe', which is a pipe or a device; expected a file*"])
+    assert (folder.path / "pipe").is_fifo()
+    assert driven() == []
+    links = {name: folder.path / name for name in ("run.json", "run.csv")}
+    for name, link in links.items():
+        link.symlink_to(Path("kept", name))
+    folder.mkdir("kept")
+    run(folder, "--drive-json", "run.json", "--drive-csv", "run.csv").assert_outcomes(passed=1)
+    for name, link in links.items():
+        assert link.is_symlink()
+        assert (folder.path / "kept" / name).stat().st_size > 0
+
+
+@processes
+def test_an_agent_reads_from_the_folder_of_the_call_wherever_the_first_test_has_gone(suite, workers):
+    reading = """
+
+def reading():
+    return ScriptedAgent([Control(throttle=float(Path("throttle.txt").read_text()))])
+
+
+AGENTS.append(reading)
+"""
+    test = """
+from pytest_drive_robust import requirements
+
+def test_elsewhere(drive, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drive.check(requirements("DS under clean >= 90")[0])
+"""
+    folder = suite(test=test, conftest=reading)
+    (folder.path / "throttle.txt").write_text("1.0")
+    options = ("--drive-agent", "reading", "--drive-executor", "processes", "--drive-workers", "1")
+    run(folder, *options, *workers).assert_outcomes(passed=1)
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])

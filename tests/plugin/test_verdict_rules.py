@@ -238,3 +238,42 @@ def pytest_drive_robust_register(registry):
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*the metric bumps gave *, expected a finite number*"])
     result.stdout.no_fnmatch_line("*Traceback*")
+
+
+def test_a_requirement_whose_metric_raises_is_an_error_in_every_report(suite, monkeypatch):
+    metric = """
+
+_register = pytest_drive_robust_register
+
+
+def bumps(results):
+    return 1 / 0
+
+
+Throttle.ladder = ("share", (0.9, 0.1))
+
+
+def pytest_drive_robust_register(registry):
+    _register(registry)
+    registry.register_metric("bumps", bumps)
+"""
+    search = """
+
+def test_search(drive):
+    from pytest_drive_robust.registry.registry import default_registry
+    drive.largest(default_registry().perturbations()["throttle"], metric="bumps", limit=3)
+"""
+    pytester = suite("bumps under clean <= 3", "DS under clean >= 0.01", conftest=metric, test=search)
+    line = (pytester.path / "conftest.py").read_text().splitlines().index("    return 1 / 0") + 1
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(pytester.path / "summary.md"))
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-json", "run.json")
+    result.assert_outcomes(passed=1, errors=2)
+    raised = f"the metric bumps raised ZeroDivisionError: division by zero (*conftest.py:{line})"
+    result.stdout.fnmatch_lines(
+        ["*not judged: bumps under clean <= 3", raised, "*not judged: the largest severity with bumps *", raised]
+    )
+    assert {name: one["verdict"] for name, one in verdicts(pytester).items()} == {
+        "bumps under clean <= 3": "error",
+        "DS under clean >= 0.01": "pass",
+    }
+    assert "1 of 2 requirements hold, 1 not judged" in (pytester.path / "summary.md").read_text()

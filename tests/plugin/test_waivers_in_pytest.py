@@ -144,6 +144,18 @@ def test_a_waiver_that_matches_nothing_is_a_warning_unless_tests_were_left_out(w
 
 
 @pytest.mark.parametrize(
+    ("option", "warns"),
+    [("--ignore=test_late.py", False), ("--ignore-glob=*late*", False), ("--failed-first", True)],
+)
+def test_a_waiver_is_warned_about_by_whether_an_option_leaves_tests_out(waived, option, warns):
+    late = "RD under throttle 0.4 <= 0.30"
+    folder = waived(GREEN, requirement=late if not warns else "RD under throttle 0.5 <= 0.30")
+    (folder.path / "test_late.py").write_text((folder.path / "test_suite.py").read_text().replace(GREEN, late))
+    lines = run(folder, option).outlines
+    assert any(line.startswith("warning: ") and "waiver" in line for line in lines) is warns
+
+
+@pytest.mark.parametrize(
     ("mode", "told"),
     [
         ("warn", "waiver not used, nothing fails, 1 inconclusive: "),

@@ -27,6 +27,7 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
+from pytest_drive_robust.store.record_files import hide_from_git
 
 AGENT_PREFIX = "leaderboard:"
 
@@ -125,6 +126,8 @@ class Bench2DriveExecutor(Executor):
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         self.check((request,))
+        self._folder.mkdir(parents=True, exist_ok=True)
+        hide_from_git(self._folder)
         run_folder = self.run_folder(request)
         place = (run_folder.folder, request.route.id)
         reuse = not self._fresh or place in self._driven

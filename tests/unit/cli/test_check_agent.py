@@ -47,3 +47,9 @@ def test_what_cannot_be_checked_exits_with_4(
     shown = capsys.readouterr().err
     assert told in shown
     assert shown.startswith("drive-robust: ")
+
+
+@pytest.mark.parametrize("seed", [-1, 2**53])
+def test_a_seed_that_no_run_takes_is_refused(capsys: pytest.CaptureFixture[str], seed: int) -> None:
+    assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, f"--seed={seed}"]) == 4
+    assert f"--seed holds {seed}, expected" in capsys.readouterr().err

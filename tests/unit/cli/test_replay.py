@@ -244,6 +244,15 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
 
 
+def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
+    (folder / "run").write_text(json.dumps(document))
+    assert main([*GOOD, "--no-video", "--run", "run"]) == 0
+    assert "clean: not in the run run" in capsys.readouterr().out
+    assert main([*GOOD, "--no-video", "--run", "gone.json"]) == 4
+    assert "--run is 'gone.json', but there is no such file or folder" in capsys.readouterr().err
+
+
 def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     from pytest_drive_robust.runner.cache_key.identity import route_digest
     from pytest_drive_robust.store.record_files import read_episode
@@ -364,3 +373,9 @@ def test_bad_input_exits_with_4_and_writes_nothing(
 def test_an_agent_must_be_named(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["replay", ROUTE.id]) == 4
     assert "--agent is missing" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("seed", [-1, 2**53])
+def test_a_seed_that_no_run_takes_is_refused(folder: Path, capsys: pytest.CaptureFixture[str], seed: int) -> None:
+    assert main([*GOOD, f"--seed={seed}", "--no-video"]) == 4
+    assert f"--seed holds {seed}, expected" in capsys.readouterr().err

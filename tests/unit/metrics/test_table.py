@@ -52,6 +52,27 @@ def test_a_function_of_a_user_becomes_a_metric() -> None:
     assert not metric.needs_clean
 
 
+def test_what_a_function_of_a_user_raises_is_an_error_that_names_its_line() -> None:
+    def broken(results: Sequence[EpisodeResult]) -> float:
+        return len(results) / 0
+
+    line = broken.__code__.co_firstlineno + 1
+    with pytest.raises(ComparisonError) as raised:
+        Metric.from_function("bumps", broken).measure([make_result()])
+    assert str(raised.value) == f"the metric bumps raised ZeroDivisionError: division by zero ({__file__}:{line})"
+    assert isinstance(raised.value.__cause__, ZeroDivisionError)
+    with pytest.raises(ComparisonError, match=r"^the metric bumps raised TypeError: .*'EpisodeResult'$"):
+        Metric.from_function("bumps", sum).measure([make_result()])
+
+
+def test_what_a_function_of_a_user_finds_not_comparable_is_said_in_its_words() -> None:
+    def refusing(results: Sequence[EpisodeResult]) -> float:
+        raise ComparisonError("no bump is known")
+
+    with pytest.raises(ComparisonError, match=r"^no bump is known$"):
+        Metric.from_function("bumps", refusing).measure([make_result()])
+
+
 def test_a_metric_without_data_is_none_and_printed_as_a_dash() -> None:
     assert METRICS["efficiency"].measure([make_result(speed_ratios_pct=[])]) is None
     assert METRICS["efficiency"].format(None) == "-"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -7,7 +8,16 @@ import pytest
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.option import GivenText
-from pytest_drive_robust.options.parsers import check_seeds, gigabytes, one_of, program, seed_list, time_limit_s
+from pytest_drive_robust.options.parsers import (
+    check_seeds,
+    gigabytes,
+    one_of,
+    program,
+    seed_list,
+    time_limit_s,
+    writable_file,
+    writable_folder,
+)
 
 
 @pytest.mark.parametrize("text", ["", "x", "1,", "-1", "1.5", "0,0", "²"])
@@ -20,6 +30,36 @@ def test_seeds_that_are_no_distinct_whole_numbers_are_refused(text):
 def test_seeds_of_a_marker_are_checked_too(seeds):
     with pytest.raises(UsageError, match="the marker"):
         check_seeds(seeds, source="the marker")
+
+
+def test_a_seed_that_no_record_keeps_is_refused():
+    assert seed_list(GivenText("--drive-seeds", f"{2**53 - 1}")) == (2**53 - 1,)
+    for seed in (2**53, 2**64):
+        with pytest.raises(UsageError, match=rf"--drive-seeds holds {seed}, expected numbers below 2\^53"):
+            seed_list(GivenText("--drive-seeds", f"0,{seed}"))
+
+
+@pytest.mark.skipif(os.name == "nt", reason="neither is there")
+def test_a_pipe_is_refused_and_a_link_is_looked_through(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "to_pipe").symlink_to("pipe")
+    for name in ("pipe", "to_pipe"):
+        with pytest.raises(UsageError, match=r"--drive-json is '.*pipe', which is a pipe or a device; expected a file"):
+            writable_file(GivenText("--drive-json", str(tmp_path / name)))
+    (tmp_path / "link").symlink_to(Path("far", "file"))
+    with pytest.raises(UsageError, match=r"--drive-json is '.*link', but there is no directory '.*far'"):
+        writable_file(GivenText("--drive-json", str(tmp_path / "link")))
+    (tmp_path / "far").mkdir()
+    assert writable_file(GivenText("--drive-json", str(tmp_path / "link"))) == tmp_path / "link"
+
+
+@pytest.mark.parametrize("parser", [writable_file, writable_folder])
+def test_what_may_not_be_written_is_refused(tmp_path, monkeypatch, parser):
+    asked = []
+    monkeypatch.setattr("pytest_drive_robust.options.parsers.os.access", lambda *given: asked.append(given))
+    with pytest.raises(UsageError, match=rf"--drive-report is '.*new', but '{tmp_path}' cannot be written to"):
+        parser(GivenText("--drive-report", str(tmp_path / "new")))
+    assert asked == [(tmp_path, os.W_OK)]
 
 
 @pytest.mark.parametrize(

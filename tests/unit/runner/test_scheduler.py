@@ -12,6 +12,7 @@ from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
+from pytest_drive_robust.store.claims import Claim
 from pytest_drive_robust.store.events import Compiling, Finished, Reused
 from pytest_drive_robust.testing import fake_route
 
@@ -273,3 +274,22 @@ def test_what_is_compiled_is_told_before_the_first_episode_and_whenever_it_chang
     notes.compiled = []
     Scheduler(MemoryStore(), hands, notes).ensure(TASKS[:1])
     assert notes.compiled == [(0, 3, 0), (1, 3, 1), (2, 3, 1), (3, 3, 1)]
+
+
+def test_what_another_process_finished_before_we_could_claim_it_is_not_driven_again():
+    released = []
+
+    class Given(Claim):
+        def release(self) -> None:
+            released.append(self)
+
+    class Shared(MemoryStore):
+        def claim(self, key):
+            self.put(key, make_result(ROUTE_OF[key]))  # the other one has just given its claim back
+            return Given()
+
+    scheduler, hands, diary = scheduler_of(store=Shared())
+    scheduler.ensure(TASKS[:3])
+    assert hands.begun == []
+    assert diary.reused_routes == ["0", "1", "2"]
+    assert len(released) == 3

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 from pytest_drive_robust.store.events import (
     EpisodesNeeded,
     Finished,
@@ -33,10 +35,25 @@ def test_a_journal_tells_each_event_once(tmp_path):
     assert JournalReader(tmp_path).read() == EVENTS
 
 
-def test_a_line_whose_writer_died_is_left_out(tmp_path):
-    writer = JournalWriter(tmp_path, name="gw0")
+def test_a_line_whose_writer_died_is_left_out_and_what_comes_behind_it_is_read(tmp_path):
+    writer, reader = JournalWriter(tmp_path, name="gw0"), JournalReader(tmp_path)
     writer(EVENTS[0])
     writer.close()
     with (tmp_path / "journals" / "gw0.jsonl").open("ab") as file:
         file.write(b'{"event": "Finished", "key": "a')
-    assert JournalReader(tmp_path).read() == EVENTS[:1]
+    assert reader.read() == EVENTS[:1]
+    later = JournalWriter(tmp_path, name="gw0")
+    for event in EVENTS[1:3]:  # the first one stands in the line that was cut off
+        later(event)
+    later.close()
+    assert reader.read() == EVENTS[2:3]
+    assert JournalReader(tmp_path).read() == [EVENTS[0], EVENTS[2]]
+
+
+def test_a_line_that_the_system_takes_in_parts_is_whole(tmp_path, monkeypatch):
+    writer = JournalWriter(tmp_path, name="gw0")
+    with writer._file as file:
+        monkeypatch.setattr(writer, "_file", SimpleNamespace(write=lambda data: file.write(data[:7])))
+        for event in EVENTS:
+            writer(event)
+    assert JournalReader(tmp_path).read() == EVENTS

@@ -154,6 +154,13 @@ def test_a_folder_of_other_things_is_no_store(tmp_path, capsys, what):
     assert mine.read_text() == "kept"
 
 
+def test_an_empty_folder_is_a_store_without_episodes_and_stays_empty(tmp_path, capsys):
+    for what in ("stats", "verify", "gc", "stats"):
+        assert main(["store", what, "--store", str(tmp_path)]) == 0
+    assert f"{tmp_path}: 0 episodes, 0.0 MB, 0 s of driving, 0 runs" in capsys.readouterr().out
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monkeypatch):
     below = store.folder.parent / "a" / "b"
     below.mkdir(parents=True)

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +22,17 @@ def test_a_file_has_the_permissions_of_a_new_one(tmp_path):
     (tmp_path / "plain").touch()
     write_whole(tmp_path / "whole", "text")
     assert (tmp_path / "whole").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a link needs a privilege there")
+def test_a_link_stays_and_the_file_that_it_leads_to_is_written(tmp_path):
+    (tmp_path / "far").mkdir()
+    (tmp_path / "link").symlink_to(Path("far", "file"))
+    for content in ("new", "newer"):  # the file was not there at first
+        write_whole(tmp_path / "link", content)
+        assert (tmp_path / "link").is_symlink()
+        assert [(path.name, path.read_text()) for path in (tmp_path / "far").iterdir()] == [("file", content)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["far", "link"]
 
 
 def test_what_cannot_be_written_leaves_the_old_file(tmp_path):

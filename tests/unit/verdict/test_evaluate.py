@@ -25,10 +25,11 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
+from pytest_drive_robust.stats.evidence import fail_p_value
 from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, immunity, measure, require_touched
 from pytest_drive_robust.verdict.requirement import Requirement, requirement
-from pytest_drive_robust.verdict.sentences import parse_requirement
+from pytest_drive_robust.verdict.sentences import requirements
 
 LATE = "200 ms latency"
 RD = "RD under 200 ms latency <= 0.30"
@@ -40,7 +41,7 @@ def drives(scores: Sequence[float], *, setting: str = "clean", seed: int = 0) ->
 
 def test_rd_within_the_limit_passes_with_value_interval_and_both_summaries() -> None:
     clean, late = drives([100.0, 80.0, 60.0, 80.0]), drives([90.0, 60.0, 60.0, 30.0], setting=LATE)
-    verdict = evaluate(parse_requirement(RD), agent="driver", clean=clean, perturbed=late)
+    verdict = evaluate(requirements(RD)[0], agent="driver", clean=clean, perturbed=late)
 
     assert verdict.passed
     assert verdict.value == 0.25
@@ -69,12 +70,12 @@ def test_rd_within_the_limit_passes_with_value_interval_and_both_summaries() -> 
 def test_a_value_passes_on_its_side_of_the_limit_or_on_it(sentence: str, passed: bool) -> None:
     clean, late = drives([80.0, 80.0]), drives([90.0, 30.0], setting=LATE)
 
-    assert evaluate(parse_requirement(sentence), agent="driver", clean=clean, perturbed=late).passed is passed
+    assert evaluate(requirements(sentence)[0], agent="driver", clean=clean, perturbed=late).passed is passed
 
 
 def test_an_absolute_requirement_needs_no_clean_episode() -> None:
     verdict = evaluate(
-        parse_requirement("SR under clean >= 0.5"), agent="driver", clean=[], perturbed=drives([100.0, 100.0, 10.0])
+        requirements("SR under clean >= 0.5")[0], agent="driver", clean=[], perturbed=drives([100.0, 100.0, 10.0])
     )
 
     assert verdict.passed
@@ -87,12 +88,12 @@ def test_an_absolute_requirement_needs_no_clean_episode() -> None:
 def test_several_seeds_are_counted_and_do_not_multiply_the_routes() -> None:
     once = drives([100.0, 40.0])
     verdict = evaluate(
-        parse_requirement("DS under clean >= 60"),
+        requirements("DS under clean >= 60")[0],
         agent="driver",
         clean=[],
         perturbed=[*once, *drives([100.0, 40.0], seed=1)],
     )
-    single = evaluate(parse_requirement("DS under clean >= 60"), agent="driver", clean=[], perturbed=once)
+    single = evaluate(requirements("DS under clean >= 60")[0], agent="driver", clean=[], perturbed=once)
 
     assert (verdict.routes, verdict.seeds) == (2, 2)
     assert (verdict.low, verdict.high) == (single.low, single.high)
@@ -100,8 +101,8 @@ def test_several_seeds_are_counted_and_do_not_multiply_the_routes() -> None:
 
 def test_one_route_has_the_whole_range_as_its_interval() -> None:
     late = drives([50.0], setting=LATE)
-    rd = evaluate(parse_requirement(RD), agent="driver", clean=drives([100.0]), perturbed=late)
-    ds = evaluate(parse_requirement("DS under 200 ms latency >= 40"), agent="driver", clean=[], perturbed=late)
+    rd = evaluate(requirements(RD)[0], agent="driver", clean=drives([100.0]), perturbed=late)
+    ds = evaluate(requirements("DS under 200 ms latency >= 40")[0], agent="driver", clean=[], perturbed=late)
 
     assert (rd.low, rd.high) == (-math.inf, 1.0)
     assert (ds.low, ds.high) == (0.0, 100.0)
@@ -112,7 +113,7 @@ def test_one_route_has_the_whole_range_as_its_interval() -> None:
 def test_below_the_floor_of_the_clean_score_a_degradation_never_passes_by_any_rule(kind: str, clean: float) -> None:
     def verdict(perturbed: float, decision: str) -> Verdict:
         return evaluate(
-            parse_requirement(RD),
+            requirements(RD)[0],
             agent="driver",
             clean=drives([clean] * 4),
             perturbed=drives([perturbed] * 4, setting=LATE),
@@ -130,9 +131,9 @@ def test_below_the_floor_of_the_clean_score_a_degradation_never_passes_by_any_ru
 
 def test_at_the_floor_a_degradation_counts_and_other_metrics_have_no_floor() -> None:
     late = drives([25.0] * 4, setting=LATE)
-    at_the_floor = evaluate(parse_requirement(RD), agent="driver", clean=drives([30.0] * 4), perturbed=late)
+    at_the_floor = evaluate(requirements(RD)[0], agent="driver", clean=drives([30.0] * 4), perturbed=late)
     score = evaluate(
-        parse_requirement("DS under 200 ms latency >= 20"), agent="driver", clean=drives([1.0] * 4), perturbed=late
+        requirements("DS under 200 ms latency >= 20")[0], agent="driver", clean=drives([1.0] * 4), perturbed=late
     )
 
     assert (at_the_floor.decision, at_the_floor.reason) == ("pass", "")
@@ -144,12 +145,12 @@ def test_no_data_for_a_metric_is_an_error_and_never_passes() -> None:
 
     for metric in ("efficiency", "comfort"):
         with pytest.raises(ComparisonError, match=f"hold no data for {metric}"):
-            evaluate(parse_requirement(f"{metric} under clean <= 50"), agent="driver", clean=[], perturbed=silent)
+            evaluate(requirements(f"{metric} under clean <= 50")[0], agent="driver", clean=[], perturbed=silent)
 
 
 def test_the_mode_decides_what_counts() -> None:
     stuck = [make_result("1", speed_ratios_pct=[]), make_result("2", speed_ratios_pct=[100.0])]
-    sentence = parse_requirement("efficiency under clean >= 80")
+    sentence = requirements("efficiency under clean >= 80")[0]
 
     assert evaluate(sentence, agent="driver", clean=[], perturbed=stuck).passed
     assert not evaluate(sentence, agent="driver", clean=[], perturbed=stuck, mode="fixed").passed
@@ -157,7 +158,7 @@ def test_the_mode_decides_what_counts() -> None:
 
 def test_episodes_that_do_not_belong_are_refused() -> None:
     clean, late = drives([100.0, 50.0]), drives([100.0, 50.0], setting=LATE)
-    sentence = parse_requirement(RD)
+    sentence = requirements(RD)[0]
     cases = [
         ("so there is nothing to judge", {"agent": "driver", "clean": clean, "perturbed": []}),
         ("clean set holds no episode", {"agent": "driver", "clean": [], "perturbed": late}),
@@ -201,9 +202,24 @@ def test_a_users_metric_without_a_finite_value_is_an_error(nothing: float | None
 
 def test_a_value_that_nobody_read_route_by_route_promises_nothing():
     clean = [scored("1", 100.0), scored("2", 100.0)]
-    wanted = parse_requirement("DS under clean >= 60")
+    wanted = requirements("DS under clean >= 60")[0]
     verdict = evaluate(wanted, agent="driver", clean=[], perturbed=clean, verdict_rule=VerdictRule())
     assert (verdict.verdict_rule.kind, verdict.decision, verdict.margin) == ("point", "pass", 0.0)
+
+
+def test_the_p_value_of_routes_that_were_not_all_read_takes_no_last_look():
+    wanted, rule = requirements("DS under clean >= 60")[0], VerdictRule("evidence")
+    scores = [10.0 + route % 7 for route in range(40)]
+    forms, values = wanted.linear_forms(rule), drives(scores)
+    found = {}
+    for planned in (80, 40, None):
+        verdict = evaluate(
+            wanted, agent="driver", clean=[], perturbed=values, verdict_rule=rule, decision="fail", planned=planned
+        )
+        found[planned] = verdict.p_value
+    early, late = fail_p_value(forms, scores, ended=False), fail_p_value(forms, scores, ended=True)
+    assert late < early
+    assert found == {80: early, 40: late, None: late}
 
 
 def episodes(

@@ -23,7 +23,7 @@ from pytest_drive_robust.perturbations import (
 from pytest_drive_robust.registry import registry
 from pytest_drive_robust.verdict.evaluate import evaluate
 from pytest_drive_robust.verdict.requirement import Requirement, known_metric, metric_names, requirement
-from pytest_drive_robust.verdict.sentences import parse_requirement
+from pytest_drive_robust.verdict.sentences import requirements
 
 LATE = Setting.of(InferenceLatency(ms=200))
 
@@ -31,8 +31,8 @@ LATE = Setting.of(InferenceLatency(ms=200))
 def test_the_object_form_is_the_parsed_sentence() -> None:
     built = requirement("RD", InferenceLatency(ms=200)) <= 0.30
 
-    assert built == parse_requirement("RD under 200 ms latency <= 0.30")
-    assert hash(built) == hash(parse_requirement("RD under 200 ms latency <= 0.30"))
+    assert built == requirements("RD under 200 ms latency <= 0.30")[0]
+    assert hash(built) == hash(requirements("RD under 200 ms latency <= 0.30")[0])
     assert str(built) == "RD under 200 ms latency <= 0.30"
 
 
@@ -83,7 +83,7 @@ def test_the_limit_may_stand_on_the_left() -> None:
     ],
 )
 def test_ids_are_readable(sentence: str, identifier: str) -> None:
-    assert parse_requirement(sentence).id == identifier
+    assert requirements(sentence)[0].id == identifier
 
 
 def test_ids_of_different_requirements_differ_and_use_safe_characters() -> None:
@@ -198,7 +198,7 @@ def own_words(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("own_words")
 def test_registered_metrics_and_perturbations_may_be_used_in_sentences() -> None:
     sentence = "ticks under muddy lens 2 g <= 50"
-    requirement = parse_requirement(sentence)
+    requirement = requirements(sentence)[0]
     verdict = evaluate(
         requirement,
         agent="driver",
@@ -216,7 +216,7 @@ def test_registered_metrics_and_perturbations_may_be_used_in_sentences() -> None
 @pytest.mark.usefixtures("own_words")
 def test_a_typo_in_a_registered_name_is_explained_with_it() -> None:
     with pytest.raises(RequirementError, match="Nearest valid sentence: ticks under muddy lens 2 g <= 50"):
-        parse_requirement("tics under mudy lens 2 g <= 50")
+        requirements("tics under mudy lens 2 g <= 50")
 
 
 def test_an_unknown_metric_is_refused_with_all_names() -> None:

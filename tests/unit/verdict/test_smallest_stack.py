@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.perturbations import (
     FrameBlend,
@@ -16,7 +19,9 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.verdict.smallest_stack import minimal_failing
+from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.requirement import Requirement, requirement
+from pytest_drive_robust.verdict.smallest_stack import minimal_failing, minimal_failure
 
 STACK = Setting.of(
     PartialObservation(ratio=0.8), GpsNoise(std_m=5), SpeedNoise(mean=0.2), InferenceLatency(ms=500), FrameBlend()
@@ -107,3 +112,20 @@ def test_the_result_prints_a_test_case_that_runs() -> None:
     namespace["test_200_ms_latency"](Drive())  # type: ignore[operator]
     assert checked == ["DS under 200 ms latency >= 60"]
     assert str(found).startswith("smallest setting that fails: 200 ms latency (from occlusion 0.8 and ")
+
+
+def test_one_alpha_is_shared_by_all_that_is_asked_on_the_way() -> None:
+    alphas: dict[str, float] = {}
+
+    def decide(asked: Requirement, rule: VerdictRule) -> Verdict:
+        assert str(asked.setting) not in alphas or asked.setting == STACK
+        alphas[str(asked.setting)] = rule.alpha
+        broken = latency_of(asked.setting) >= 200
+        return cast("Verdict", SimpleNamespace(decision="fail" if broken else "pass"))
+
+    rule = VerdictRule("evidence", alpha=0.1)
+    found = minimal_failure(requirement("DS", STACK) >= 60, decide, verdict_rule=rule, dt_s=0.05)
+    assert found is not None
+    assert str(found.setting) == "200 ms latency"
+    assert alphas.pop(str(STACK)) == 0.1
+    assert set(alphas.values()) == {0.1 / (2 * 5)}

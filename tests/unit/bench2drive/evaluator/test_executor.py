@@ -49,6 +49,8 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
     assert len(document["episodes"]) == 6  # three routes, clean and late
     assert {item["verdict"] for item in document["requirements"]} == {"pass"}
     assert document["settings"]["stuck_stop_s"] is None
+    # nothing of the evaluator's is offered to git
+    assert (tmp_path / "suite" / ".drive-robust" / "bench2drive" / ".gitignore").read_text() == "*\n"
     started = sorted((tmp_path / "suite" / ".drive-robust" / "bench2drive").rglob("*.json"))
     times = {path: os.stat(path).st_mtime_ns for path in started}
     assert times

@@ -29,7 +29,7 @@ from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
-from pytest_drive_robust.verdict.sentences import parse_requirement
+from pytest_drive_robust.verdict.sentences import requirements
 
 SETTING = "200 ms latency"
 EVIL = '</script><img src=x onerror="alert(1)">\u2028'
@@ -202,7 +202,7 @@ def test_the_limit_and_the_margin_are_those_of_the_rule(tmp_path):
     write_pages(tmp_path, given)
     rule = VerdictRule("evidence", margin=given.document["settings"]["margin"])
     (item,) = data_of(tmp_path)["requirements"]
-    assert 60.0 - item["lenient"] == pytest.approx(parse_requirement(judged.requirement).margin(rule))
+    assert 60.0 - item["lenient"] == pytest.approx(requirements(judged.requirement)[0].margin(rule))
 
 
 @pytest.mark.parametrize(
