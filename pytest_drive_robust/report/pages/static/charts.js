@@ -28,10 +28,10 @@ driveRobust.charts = (() => {
     return extent(items.filter((item) => item.metric === metric).flatMap((item) => [item.value, item.low, item.high, item.limit]), metric);
   }
 
-  /* An interval, the value in it and the limit, on one line from `low` to `high`. */
-  function bullet(item, [low, high]) {
+  /* An interval, the value in it and the limit, on one line from `low` to `high`, which are written where `ends` says so. */
+  function bullet(item, [low, high], ends) {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
-    const [width, height] = [150, 32];
+    const [width, height] = [150, ends ? 32 : 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
     const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
@@ -42,7 +42,7 @@ driveRobust.charts = (() => {
       h("line", { class: "interval", x1: x(from), x2: x(to), y1: 11, y2: 11 }),
       h("line", { class: "limit", x1: x(item.limit), x2: x(item.limit), y1: 3, y2: 19 }),
       h("circle", { class: "value", cx: x(item.value), cy: 11, r: 4.5 }),
-      h("text", { class: "end", x: 4, y: 30 }, endOf(low)), h("text", { class: "end", x: width - 4, y: 30, "text-anchor": "end" }, endOf(high)));
+      ends ? [h("text", { class: "end", x: 4, y: 30 }, endOf(low)), h("text", { class: "end", x: width - 4, y: 30, "text-anchor": "end" }, endOf(high))] : null);
   }
 
   function endOf(value) {

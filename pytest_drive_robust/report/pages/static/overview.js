@@ -60,6 +60,7 @@ driveRobust.views.set("", (() => {
 
   function requirements(items) {
     const extents = new Map(items.map((item) => [item.metric, driveRobust.charts.shared(items, item.metric)]));
+    const firsts = new Set([...extents.keys()].map((metric) => items.find((item) => item.metric === metric && item.value !== null)));
     return [scroller("Requirements", h("table", { class: "list requirements" },
       h("thead", {}, h("tr", {}, ["verdict", "requirement", "agent", "value", "against the limit", "routes"].map((name) => h("th", { scope: "col", class: name === "value" || name === "routes" ? "number" : null }, name)))),
       h("tbody", {}, items.map((item) => h("tr", {},
@@ -67,7 +68,7 @@ driveRobust.views.set("", (() => {
         h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), item.verdict === "error" && item.reason ? h("p", { class: "soft why" }, item.reason) : null),
         h("td", { class: "who" }, item.agent),
         h("td", { class: "number" }, shownBeside(item.metric, item.value, item.limit)),
-        h("td", { class: "drawn" }, driveRobust.charts.bullet(item, extents.get(item.metric))),
+        h("td", { class: "drawn" }, driveRobust.charts.bullet(item, extents.get(item.metric), firsts.has(item))),
         h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013")))))), legendOf(items)];
   }
 
