@@ -131,6 +131,7 @@ def backend_for(
             routes=_route_file(options),
             slots=execution.workers or 1,
             fresh=options.fresh,
+            hidden=True,
             patience=patience,
         )
         return ExternalScopes(options, registry, resolve_routes, evaluator), evaluator

@@ -107,7 +107,7 @@ class StoredRuns:
 def names_file(reference: str, start: Path = Path()) -> bool:
     """Return True for a path, which starts from the folder `start`; False for the name of a stored run."""
     path = Path(reference)
-    return path.suffix == ".json" or len(path.parts) > 1 or (start / path).is_file()
+    return path.suffix == ".json" or "/" in reference or len(path.parts) > 1 or (start / path).is_file()
 
 
 def run_file(runs: StoredRuns, reference: str) -> Path:

@@ -55,7 +55,8 @@ class Bench2DriveExecutor(Executor):
 
     `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
     `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
-    as finished. The GPUs (default: those of `CUDA_VISIBLE_DEVICES`, else GPU 0) are used in turn, one for each slot.
+    as finished. `hidden`: `folder` is kept out of git. The GPUs (default: those of `CUDA_VISIBLE_DEVICES`, else GPU 0)
+    are used in turn, one for each slot.
     """
 
     def __init__(
@@ -67,6 +68,7 @@ class Bench2DriveExecutor(Executor):
         slots: int = 1,
         gpus: tuple[int, ...] = (),
         fresh: bool = False,
+        hidden: bool = False,
         **options: object,
     ) -> None:
         self._slots = slots
@@ -75,6 +77,7 @@ class Bench2DriveExecutor(Executor):
         self._routes = (routes or checkout.routes).resolve()
         self._gpus = gpus or visible_gpus(os.environ)
         self._fresh = fresh
+        self._hidden = hidden
         self._driven: set[tuple[Path, str]] = set()
         self._options = options  # port, tries, patience of an EvaluatorSetup
         self._stop = threading.Event()
@@ -126,8 +129,9 @@ class Bench2DriveExecutor(Executor):
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
         self.check((request,))
-        self._folder.mkdir(parents=True, exist_ok=True)
-        hide_from_git(self._folder)
+        if self._hidden:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            hide_from_git(self._folder)
         run_folder = self.run_folder(request)
         place = (run_folder.folder, request.route.id)
         reuse = not self._fresh or place in self._driven
