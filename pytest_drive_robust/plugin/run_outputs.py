@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
@@ -91,10 +92,10 @@ class RunOutputs:
             return True
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN)
-        self._write(self._options.json_path, write_json, run)
-        self._write(self._options.csv_path, write_csv, run)
         red = self._attempt("the run was not stored or compared", lambda: self._checks.finish(run, whole=whole))
         compared = self._checks.comparison
+        self._write(self._options.json_path, partial(write_json, comparison=compared), run)
+        self._write(self._options.csv_path, write_csv, run)
         self._attempt("the step summary was not written", lambda: append_step_summary(run, os.environ, compared))
         self._write(self._options.report_path, self._write_pages, run)  # it shows the comparison
         return bool(red or self._problems)
