@@ -52,8 +52,11 @@ class RegressionChecks:
             policy = self._regression.policy
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool) -> bool:
-        """Store, compare, review. True when the run must not be green; `whole`: every test was selected and ran."""
+    def finish(self, run: RunResult, *, whole: bool, interrupted: bool = False) -> bool:
+        """Store, compare, review. True when the run must not be green.
+
+        `whole`: every test was selected and ran; `interrupted`: somebody ended the run.
+        """
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
@@ -62,7 +65,7 @@ class RegressionChecks:
             return red
         document = run_as_json(run)
         if self._regression.save:
-            red = self._store(document) or red
+            red = self._store(document, complete=not interrupted and _is_complete(document)) or red
         if self._before is not None:
             red = self._compare(self._before, document) or red
         return red
@@ -89,8 +92,8 @@ class RegressionChecks:
             raise UsageError(f"{before.label} cannot be compared with: {mismatch.text}. Give --drive-sim {known}.")
         return before
 
-    def _store(self, document: dict[str, object]) -> bool:
-        name, complete = self._regression.save, _is_complete(document)
+    def _store(self, document: dict[str, object], *, complete: bool) -> bool:
+        name = self._regression.save
         if not complete and self._holds_complete(name):
             self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
             return True

@@ -257,38 +257,42 @@ def test_a_run_with_nothing_in_common_is_refused(both, driven):
     assert "before holds steady under clean." in told
 
 
-def test_a_run_that_ended_early_replaces_no_complete_one_and_is_no_reference(both, driven):
+def test_a_run_that_ended_early_replaces_no_complete_one(both):
+    run(both, "--drive-save=before")
+    kept = stored(both, "before")
     conftest = both.path / "conftest.py"
-    whole = conftest.read_text()
-    interrupted = (
-        whole
-        + """
+    interrupt = """
 
 def pytest_runtest_logreport(report):
     if report.when == "call":
         raise KeyboardInterrupt
 """
-    )
-    run(both, "--drive-save=before")
-    kept = stored(both, "before")
-    conftest.write_text(interrupted)
-    told = both.runpytest_subprocess("--drive-robust", "--drive-fresh", "--drive-save=before").stdout.str()
+    conftest.write_text(conftest.read_text() + interrupt)
+    told = both.runpytest_subprocess("--drive-robust", "--drive-save=before").stdout.str()
     assert "not stored: this run is incomplete, so the stored run before stays as it was" in told
     assert stored(both, "before") == kept
-    told = both.runpytest_subprocess("--drive-robust", "--drive-fresh", "--drive-save=early").stdout.str()
+    told = both.runpytest_subprocess("--drive-robust", "--drive-save=early").stdout.str()
     assert "stored as early, incomplete: run again before you compare with it" in told
     assert "next:" not in told
-    conftest.write_text(whole)
-    assert "could not be compared with early: early is incomplete under" in refused(
-        both, driven, "--drive-compare=early"
-    )
+
+
+def test_a_run_whose_time_was_spent_is_no_reference(suite, driven):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    document = stored(folder, "before")
+    del document["episodes"][1:]
+    document["summaries"][0]["episodes_finished"] = 1
+    (folder.path / "early.json").write_text(json.dumps(document))
+    told = refused(folder, driven, "--drive-compare=early.json")
+    assert "could not be compared with early.json: early.json is incomplete under throttle 0.9: 2 episodes were" in told
+    assert "Run the command of that run again, or give --drive-on-mismatch=warn." in told
 
 
 def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(suite):
-    folder = suite(HOLDS)
+    folder = suite(test='def test_it(drive): assert drive.ds("throttle 0.9") >= 1')
     run(folder, "--drive-save=before")
     slow_down(folder)
-    found = ("--drive-verdict=evidence", "--drive-margin=1", "--drive-compare=before", "--drive-on-mismatch=warn")
+    found = (EVIDENCE, "--drive-compare=before")
     assert run(folder, *found, "--drive-json=found.json").ret == 0
     comparison = json.loads((folder.path / "found.json").read_text())["comparison"]
     assert [cell["verdict"] for cell in comparison["cells"]] == ["inconclusive"]
