@@ -22,6 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
     parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
     parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")
+    parser.add_argument(
+        "--only", action="store_true", help="drop scores of routes that RUN did not drive under its settings"
+    )
     add_baselines(parser)
     parser.set_defaults(command=_bless)
 
@@ -31,11 +34,24 @@ def _bless(options: argparse.Namespace) -> int:
     run = references.load_run(options.run)
     today, author = clock.today().isoformat(), git.author(Path.cwd())
     signature = Blessing(today, options.reason.strip(), author, run=run.label, commit=run.commit)
-    replace_routes = options.replace_routes
-    for blessed in bless(run, references.baselines, signature, environ=os.environ, replace_routes=replace_routes):
+    accepted = bless(
+        run,
+        references.baselines,
+        signature,
+        environ=os.environ,
+        replace_routes=options.replace_routes,
+        only=options.only,
+    )
+    for blessed in accepted:
+        dropped = f", {blessed.dropped} dropped" if options.only else ""
         print(
             f"{blessed.path}: {blessed.agent}, {blessed.added} scores added, {blessed.replaced} replaced, "
-            f"{blessed.kept} others kept"
+            f"{blessed.kept} others kept{dropped}"
         )
+        if blessed.beside:
+            print(
+                f"{blessed.beside} of the kept ones are of other routes under the same settings: a run that does not "
+                "drive them, too, is refused. --only drops them."
+            )
     print("Review the change and commit it.")
     return 0

@@ -11,11 +11,14 @@ from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import columns_of_screen
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.option import GivenText
+from pytest_drive_robust.options.parsers import writable_file
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
 from pytest_drive_robust.report.comparison import comparison_text
+from pytest_drive_robust.report.json_file import comparison_as_json, json_text
+from pytest_drive_robust.store.whole_file import write_whole
 
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
 the embedded world, for agents that promise the same bits everywhere (blind, classical, constant, expert, random,
@@ -42,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="evidence, list, point, or auto: evidence, but the list below 20 routes of the same seeds",
     )
     add_pytest_option(parser, "--on-mismatch")
+    add_pytest_option(parser, "--json", help="write what was found to FILE")
     add_baselines(parser)
     parser.set_defaults(command=_compare)
 
@@ -52,11 +56,14 @@ def _compare(options: argparse.Namespace) -> int:
         kind=VerdictRule(options.verdict).kind,
         policy=cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch))),
     )
+    path = writable_file(GivenText("--json", options.json))
     references = references_of(options)
     after = references.load(options.after)
     before = references.load(options.before, simulator=after.simulator)
     comparison = compare(before, after, terms)
     print(comparison_text(comparison, colour=sys.stdout.isatty(), width=columns_of_screen()))
+    if path is not None:
+        write_whole(path, json_text(comparison_as_json(comparison)))
     if comparison.refusals:
         return 4
     return 1 if comparison.regressed else 0

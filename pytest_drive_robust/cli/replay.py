@@ -211,10 +211,12 @@ def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | 
         alike = "both drove the same" if same else "no divergence: never 0.5 m or 1 m/s apart"
         print(alike if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
     all_same = True
+    told_of_any = False
     for tape in tapes if before is not None else ():
         assert before is not None
         told = before.verdict(tape.result, route=route)
         if told is not None:
+            told_of_any = True
             same, clause = told
             print(f"{tape.result.episode.setting}: {clause}")
             if not same and measured and tape is tapes[-1]:
@@ -223,6 +225,8 @@ def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | 
             all_same = all_same and (same or not before.asked)
         elif before.asked and before.episode is None:
             print(f"{tape.result.episode.setting}: not in {before.label}")
+    if before is not None and before.asked and not told_of_any:
+        raise UsageError(f"{before.label} holds nothing of what was driven, so nothing was compared: {before.holds}.")
     return all_same
 
 

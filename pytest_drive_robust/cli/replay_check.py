@@ -13,6 +13,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.record_files import SUFFIX, read_episode
@@ -33,6 +34,14 @@ class Before:
     digests: Mapping[Episode, str] | None = None
     routes: Mapping[str, str] = field(default_factory=dict)
     episode: EpisodeResult | None = None
+
+    @property
+    def holds(self) -> str:
+        """What is there, in a few words."""
+        if self.digests is None:
+            return "there is no record of that agent, route, setting and seed"
+        first = next(iter(self.digests), None)
+        return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
 
     def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
         """Return (same, a clause that says so), or None when that episode is not there."""

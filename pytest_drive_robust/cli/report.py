@@ -8,6 +8,7 @@ from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
+from pytest_drive_robust.cli.store import existing_store
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _report(options: argparse.Namespace) -> int:
     folder = Path(options.out)
     check_folder(folder, source="--out")
-    registry, store = default_registry(), Path(options.store) if options.store else None
+    registry, store = default_registry(), existing_store(options) if options.store else None
     records = RunRecords.stored(options.run, registry, store=store)
     comparison = before = None
     if options.against:

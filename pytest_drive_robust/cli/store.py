@@ -27,7 +27,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verify.add_argument("--fix", action="store_true", help="move damaged records to aside/: they are driven again")
     verify.set_defaults(command=_verify)
     gc = what.add_parser(
-        "gc", help="remove damaged records, leftovers of writers that died, and the episodes that you name"
+        "gc",
+        help="remove damaged records, leftovers of writers that died, and the episodes that you name. Exit code 1 "
+        "when one could not be removed",
     )
     gc.add_argument("--older-than", metavar="TIME", help="also every record written longer ago, as in 30d or 12h")
     gc.add_argument(
@@ -44,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _stats(options: argparse.Namespace) -> int:
-    found = statistics(_folder(options))
+    found = statistics(existing_store(options))
     print(
         f"{found.folder}: {counted(found.records, 'episode')}, {found.size_bytes / _MEGA:.1f} MB, "
         f"{duration_text(found.wall_s)} of driving, {counted(found.runs, 'run')}"
@@ -69,7 +71,7 @@ def _print_agents(found: Statistics) -> None:
 
 
 def _verify(options: argparse.Namespace) -> int:
-    folder = _folder(options)
+    folder = existing_store(options)
     count, damages = verify(folder)
     for damage in damages:
         print(f"{damage.path}: {damage.problem}")
@@ -88,7 +90,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 
 def _gc(options: argparse.Namespace) -> int:
-    folder = _folder(options)
+    folder = existing_store(options)
     older_than_s = time_limit_s(GivenText("--older-than", options.older_than or ""))
     if options.agent:
         known = {agent for agent, _ in statistics(folder).by_agent}
@@ -100,10 +102,14 @@ def _gc(options: argparse.Namespace) -> int:
         f"{folder}: {'would remove' if options.dry_run else 'removed'} {swept.records} episodes, {swept.set_aside} "
         f"damaged records and {swept.leftovers} leftovers of writers that died, {swept.size_bytes / _MEGA:.1f} MB"
     )
-    return 0
+    if not swept.problems:
+        return 0
+    print(f"{counted(len(swept.problems), 'file')} could not be removed, first {swept.problems[0]}")
+    return 1
 
 
-def _folder(options: argparse.Namespace) -> Path:
+def existing_store(options: argparse.Namespace) -> Path:
+    """Return the store that `--store` names, else that of the project. Raises `UsageError` where there is none."""
     folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE
     if not folder.is_dir():
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."

@@ -25,10 +25,15 @@ def _executor(given: GivenText) -> str:
     if executor != "auto" or given.source is None:
         return executor
     config: Any = given.source
-    if (config.getoption("drive_sim") or config.getini("drive_sim")) == BENCH2DRIVE:
+    if _simulator(config) == BENCH2DRIVE:
         return "processes"
     debugging = any(config.getoption(name, False) for name in ("usepdb", "trace"))
     return "inline" if debugging or config.getoption("capture", "") == "no" else "processes"
+
+
+def _simulator(config: OptionSource) -> str:
+    """Return the simulator that was asked for; empty for the default."""
+    return str(config.getoption("drive_sim") or config.getini("drive_sim"))
 
 
 def _workers(given: GivenText) -> int | None:
@@ -82,6 +87,10 @@ class ExecutionOptions:
                     )
         if options.executor != "ray" and asked_for("--drive-ray-address", config):
             raise UsageError("--drive-ray-address needs --drive-executor ray: add that, or leave the address out.")
+        if _simulator(config) != BENCH2DRIVE:
+            for flag in ("--drive-b2d-root", "--drive-b2d-python"):
+                if asked_for(flag, config):
+                    raise UsageError(f"{flag} needs --drive-sim {BENCH2DRIVE}: add that, or leave {flag} out.")
         if options.lockstep is not None and options.executor == "ray":
             raise UsageError(
                 "--drive-lockstep and --drive-executor ray cannot be combined: Ray drives every episode in a process "

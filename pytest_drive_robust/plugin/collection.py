@@ -61,7 +61,9 @@ class CollectionPlugin:
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         whole = all(map(requirements_of, driving))  # others say in their bodies what they need
-        note_problem(config, "", lambda: self._checks.check_plan(self.requests.values(), whole=whole))
+        note_problem(
+            config, "", lambda: self._checks.check_plan(self.requests.values(), scopes=context.scopes, whole=whole)
+        )
         self._advice_on_scopes = context.scopes.advice()
         if is_worker(config) and self._advised:
             context.campaign.observer(Advised(self._advised))  # the controller shows it

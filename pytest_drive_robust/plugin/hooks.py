@@ -110,7 +110,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         if item.get_closest_marker("drive_robust") is not None:
             _check_markers(item)
-    if not config.getoption("drive_robust"):
+    if config.getoption("drive_robust"):
+        _check_marks_of_others(items)
+    else:
         skip = pytest.mark.skip(reason=NEEDS_FLAG)
         for item in items:
             if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
@@ -150,6 +152,14 @@ def _carry_problems(config: pytest.Config) -> None:
         from pytest_drive_robust.plugin.usage_errors import ProblemCourier, problems_of
 
         config.pluginmanager.register(ProblemCourier(problems_of(config)), "drive_robust_problems")
+
+
+def _check_marks_of_others(items: list[pytest.Item]) -> None:
+    from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_marks
+    from pytest_drive_robust.plugin.usage_errors import note_problem
+
+    for item in items:
+        note_problem(item.config, item.nodeid, lambda item=item: refuse_unknown_marks(item))  # type: ignore[misc]
 
 
 def _check_markers(item: pytest.Item) -> None:

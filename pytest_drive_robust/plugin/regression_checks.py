@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Comparison, Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.fingerprint import Mismatch
+from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch
 from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.snapshot import Snapshot
@@ -18,6 +18,7 @@ from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import json_text, run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Judged
 
 
@@ -32,7 +33,7 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._open_fails = options.inconclusive == "fail"
-        self._stuck_stop_s = options.stuck_stop_s
+        self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
         self._references = References(regression.home, regression.baselines)
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy)
         self._before = self._load(options.simulator) if regression.compare else None
@@ -42,17 +43,20 @@ class RegressionChecks:
         self.comparison: Comparison | None = None
         self._lines: list[str] = []
 
-    def check_plan(self, requests: Iterable[EpisodeRequest], *, whole: bool) -> None:
+    def check_plan(self, requests: Iterable[EpisodeRequest], *, scopes: Scopes, whole: bool) -> None:
         """Raise `UsageError` where the comparison would be refused, as far as the plan tells (`whole`: all of it)."""
         if self._before is not None:
             from pytest_drive_robust.regression.planned_run import check_planned_run
 
-            check_planned_run(
-                self._before, requests, whole=whole, stuck_stop_s=self._stuck_stop_s, policy=self._regression.policy
-            )
+            driven_with = Fingerprint(self._simulator, self._stuck_stop_s, versions=scopes.versions)
+            policy = self._regression.policy
+            check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool) -> bool:
-        """Store, compare, review. True when the run must not be green; `whole`: every test was selected and ran."""
+    def finish(self, run: RunResult, *, whole: bool, interrupted: bool = False) -> bool:
+        """Store, compare, review. True when the run must not be green.
+
+        `whole`: every test was selected and ran; `interrupted`: somebody ended the run.
+        """
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
@@ -61,7 +65,7 @@ class RegressionChecks:
             return red
         document = run_as_json(run)
         if self._regression.save:
-            red = self._store(document) or red
+            red = self._store(document, complete=not interrupted and _is_complete(document)) or red
         if self._before is not None:
             red = self._compare(self._before, document) or red
         return red
@@ -88,17 +92,32 @@ class RegressionChecks:
             raise UsageError(f"{before.label} cannot be compared with: {mismatch.text}. Give --drive-sim {known}.")
         return before
 
-    def _store(self, document: dict[str, object]) -> bool:
+    def _store(self, document: dict[str, object], *, complete: bool) -> bool:
+        name = self._regression.save
+        if not complete and self._holds_complete(name):
+            self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
+            return True
         try:
-            path = self._references.runs.save(document, json_text, name=self._regression.save)
+            path = self._references.runs.save(document, json_text, name=name)
         except OSError as error:
             self._lines.append(f"ERROR: the run was not stored: {error}")
             return True
+        if not complete:
+            self._lines.append(f"stored as {path.stem}, incomplete: run again before you compare with it")
+            return False
         self._lines.append(
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
             f'drive-robust bless {path.stem} --reason "..."'
         )
         return False
+
+    def _holds_complete(self, name: str) -> bool:
+        if name not in self._references.runs.names():
+            return False
+        try:
+            return self._references.stored(name).is_complete
+        except UsageError:  # damaged, or of another version: nothing is lost
+            return False
 
     def _compare(self, before: Snapshot, document: dict[str, object]) -> bool:
         try:
@@ -106,4 +125,15 @@ class RegressionChecks:
         except DriveRobustError as error:
             self._lines.append(f"ERROR: not compared with {before.label}: {error}")
             return True
-        return bool(self.comparison.refusals) or self.comparison.regressed
+        return bool(self.comparison.refusals) or self.comparison.regressed or self._is_open(self.comparison)
+
+    def _is_open(self, comparison: Comparison) -> bool:
+        """Return whether something changed, it is open what that means, and such a verdict was asked to be red."""
+        return self._open_fails and any(cell.is_open for cell in comparison.cells)
+
+
+def _is_complete(document: Mapping[str, object]) -> bool:
+    try:
+        return snapshot_of(document, label="this run").is_complete
+    except UsageError:  # two routes of one id: whoever compares says so
+        return True

@@ -71,9 +71,11 @@ class ReportingPlugin:
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write every report. A run that drove no episode, or whose file was not written, is not green."""
         if self._ran and not problems_of(self._config):
-            if session.exitstatus == pytest.ExitCode.INTERRUPTED:
+            interrupted = session.exitstatus == pytest.ExitCode.INTERRUPTED
+            if interrupted:
                 self._outputs.note(_INTERRUPTED)
-            problem = self._outputs.finish(whole=not self._deselected and every_test_ran(session))
+            whole = not self._deselected and every_test_ran(session)
+            problem = self._outputs.finish(whole=whole, interrupted=interrupted)
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:

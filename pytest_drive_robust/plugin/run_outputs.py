@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
@@ -81,20 +82,23 @@ class RunOutputs:
         """Keep what every report shall say."""
         self._notes.append(sentence)
 
-    def finish(self, *, whole: bool = False) -> bool:
+    def finish(self, *, whole: bool = False, interrupted: bool = False) -> bool:
         """Build the result and write the files. True when the run must not be green for a reason of its own.
 
-        `whole` says that every test was selected and ran.
+        `whole` says that every test was selected and ran, `interrupted` that somebody ended the run.
         """
         run = self._run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
             return True
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN)
-        self._write(self._options.json_path, write_json, run)
-        self._write(self._options.csv_path, write_csv, run)
-        red = self._attempt("the run was not stored or compared", lambda: self._checks.finish(run, whole=whole))
+        red = self._attempt(
+            "the run was not stored or compared",
+            lambda: self._checks.finish(run, whole=whole, interrupted=interrupted),
+        )
         compared = self._checks.comparison
+        self._write(self._options.json_path, partial(write_json, comparison=compared), run)
+        self._write(self._options.csv_path, write_csv, run)
         self._attempt("the step summary was not written", lambda: append_step_summary(run, os.environ, compared))
         self._write(self._options.report_path, self._write_pages, run)  # it shows the comparison
         return bool(red or self._problems)

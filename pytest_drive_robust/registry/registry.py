@@ -49,6 +49,7 @@ _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
     "simulators": (
         ("embedded", "pytest_drive_robust.simulators.embedded:EmbeddedSimulator", ""),
         ("gymnasium", "pytest_drive_robust.simulators.gymnasium:gymnasium_simulator", "ID"),
+        ("bench2drive", "pytest_drive_robust.bench2drive.evaluator.by_pytest:official_evaluator", ""),
     ),
 }
 """Names of each kind that come with this package, where they are, and what may follow them."""

@@ -162,19 +162,31 @@ def _natural(text: str) -> list[tuple[int, int, str]]:
 
 @dataclass(frozen=True, slots=True)
 class Blessed:
-    """What happened to one file: how many scores are new, how many were replaced, how many of others were kept."""
+    """What happened to one file: how many scores are new, were replaced, were kept of others, and were dropped.
+
+    `beside` of the kept ones are of other routes under settings of the run: runs without these are refused.
+    """
 
     path: Path
     agent: str
     added: int
     replaced: int
     kept: int
+    beside: int = 0
+    dropped: int = 0
 
 
 def bless(
-    run: Snapshot, folder: Path, signature: Blessing, *, environ: Mapping[str, str], replace_routes: bool = False
+    run: Snapshot,
+    folder: Path,
+    signature: Blessing,
+    *,
+    environ: Mapping[str, str],
+    replace_routes: bool = False,
+    only: bool = False,
 ) -> tuple[Blessed, ...]:
     """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
+    With `only` that is what it drove nothing of: other routes of its agents and settings go.
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
@@ -191,10 +203,14 @@ def bless(
             continue
         if not replace_routes:
             _require_same_routes(old, new)
-        merged = merge(old, new)
         replaced = len(old.routes.keys() & new.routes.keys())
-        kept = len(old.routes) - replaced
-        prepared.append((Blessed(path, agent, len(new.routes) - replaced, replaced, kept), merged.to_text()))
+        beside = _beside(old, new)
+        dropped = len(beside) if only else 0
+        kept = replace(old, routes={place: old.routes[place] for place in old.routes if place not in beside})
+        merged = merge(kept if only else old, new)
+        others = len(old.routes) - replaced - dropped
+        told = Blessed(path, agent, len(new.routes) - replaced, replaced, others, len(beside) - dropped, dropped)
+        prepared.append((told, merged.to_text()))
     folder.mkdir(parents=True, exist_ok=True)
     for blessed, text in prepared:
         write_whole(blessed.path, text)
@@ -259,6 +275,12 @@ def _require_same_routes(old: Baseline, new: Baseline) -> None:
             f"{len(others)} routes are others than the blessed ones of the same id, first {route_id!r} under "
             f"{setting}. Give --replace-routes when the routes were changed on purpose."
         )
+
+
+def _beside(old: Baseline, new: Baseline) -> set[Place]:
+    """Return the routes of `old` that `new` lacks under its simulator and settings."""
+    driven = {place[:2] for place in new.routes}
+    return {place for place in old.routes if place[:2] in driven and place not in new.routes}
 
 
 def _baseline(run: Snapshot, agent: str, signature: Blessing) -> Baseline:

@@ -57,6 +57,11 @@ class Finding:
     changed: int = 0
     problem: str = ""
 
+    @property
+    def is_open(self) -> bool:
+        """True when something changed and it is open what that means."""
+        return self.verdict == "inconclusive" and self.changed > 0
+
 
 @dataclass(frozen=True, slots=True)
 class CellComparison:
@@ -92,6 +97,11 @@ class CellComparison:
         """The worst of the findings."""
         found = {finding.verdict for finding in self.findings}
         return next(verdict for verdict in _WORST_FIRST if verdict in found)
+
+    @property
+    def is_open(self) -> bool:
+        """True when something changed and it is open what that means."""
+        return self.verdict == "inconclusive" and any(finding.is_open for finding in self.findings)
 
     @property
     def regressed(self) -> bool:
@@ -130,12 +140,22 @@ class Comparison:
     @property
     def regressions(self) -> tuple[CellComparison, ...]:
         """The settings that got worse than allowed."""
-        return tuple(cell for cell in self.cells if cell.regressed)
+        return tuple(cell for cell in self.cells if cell.verdict == "fail")
+
+    @property
+    def unjudged(self) -> tuple[str, ...]:
+        """`"AGENT under SETTING: REASON"` for each setting that could not be judged."""
+        errors = (
+            f"{cell.agent} under {cell.setting}: {next(item.problem for item in cell.findings if item.problem)}"
+            for cell in self.cells
+            if cell.verdict == "error"
+        )
+        return (*errors, *self.unscored)
 
     @property
     def regressed(self) -> bool:
         """True when the new run must not pass for as good as the old one, if the two can be compared."""
-        return bool(self.regressions or self.unscored)
+        return bool(self.regressions or self.unjudged)
 
     @property
     def mean_rises(self) -> dict[str, Rise]:

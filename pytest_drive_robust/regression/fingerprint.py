@@ -5,7 +5,8 @@ kind        what differs                                                    by d
 =========== =============================================================== ==========
 simulator   its name, version, when it stops a stuck episode                refuse
 routes      the content of a route that both call by the same id; routes    refuse
-            that only the old run drove, or that a verdict did without
+            that only the old run drove, that it did not score, or
+            that a verdict did without
 versions    libraries that decide the numbers, Python, the machine's bits   warn
 agent       its distribution, source or weights: that is what is compared   tell
 =========== =============================================================== ==========

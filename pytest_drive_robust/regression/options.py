@@ -86,6 +86,8 @@ class RegressionOptions:
         for flag in ("--drive-fail-on", "--drive-on-mismatch"):
             if not options.compare and asked_for(flag, config):
                 raise UsageError(f"{flag} says how runs are compared: give --drive-compare RUN, too, or leave it out.")
+        if not options.compare and asked_for("--drive-baselines", config):
+            raise UsageError("--drive-baselines is read to compare: give --drive-compare, too, or leave it out.")
         return options
 
     @property

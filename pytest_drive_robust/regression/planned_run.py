@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import chain
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from itertools import islice
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.fingerprint import Mismatch, MismatchPolicy, stuck_stops
-from pytest_drive_robust.regression.shared_routes import not_driven, other_content, renamed_agents, stopped
+from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches, stuck_stops
+from pytest_drive_robust.regression.shared_routes import (
+    incomplete,
+    not_driven,
+    other_content,
+    renamed_agents,
+    stopped,
+)
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _LABEL = "this run"
+_MOST_CELLS = 3
+"""So many are named."""
 
 
 def check_planned_run(
@@ -20,12 +28,13 @@ def check_planned_run(
     requests: Iterable[EpisodeRequest],
     *,
     whole: bool,
-    stuck_stop_s: float | None,
+    driven_with: Fingerprint,
     policy: MismatchPolicy,
 ) -> None:
     """Raise `UsageError` where comparing with `before` would be refused, however the planned episodes end.
 
-    `whole` says that nothing else will be driven; tests may ask for more than is planned.
+    `whole` says that nothing else will be driven; tests may ask for more than is planned. `driven_with` is what is
+    known of how it is driven; where it tells no versions, they are not known.
     """
     planned: dict[tuple[str, str], dict[str, str]] = {}
     for request in requests:
@@ -39,7 +48,9 @@ def check_planned_run(
         for (agent, setting), routes in planned.items()
         if (old := before.cells.get((renamed.get(agent, agent), setting))) is not None
     ]
-    found = _mismatches(before, pairs, whole=whole, stuck_stop_s=stuck_stop_s)
+    if whole and planned and not any(old.routes.keys() & routes for old, routes in pairs):
+        raise UsageError(_nothing_in_common(before, planned))
+    found = _mismatches(before, pairs, whole=whole, driven_with=driven_with)
     refused = next((item for item in found if item.refuses(policy)), None)
     if refused is not None:
         raise UsageError(
@@ -49,14 +60,37 @@ def check_planned_run(
 
 
 def _mismatches(
-    before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]], *, whole: bool, stuck_stop_s: float | None
+    before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]], *, whole: bool, driven_with: Fingerprint
 ) -> Iterable[Mismatch]:
-    scores = chain.from_iterable(cell.routes.values() for cell, _ in pairs)
-    stops = dict.fromkeys(score.fingerprint.stuck_stop_s for score in scores)
-    for stop_s in stops:
-        yield from stuck_stops(stop_s, stuck_stop_s)
+    seen: list[Fingerprint] = []
+    for cell, _ in pairs:
+        for score in cell.routes.values():
+            if score.fingerprint not in seen:
+                seen.append(score.fingerprint)
+                yield from _driven_otherwise(score.fingerprint, driven_with, agent=cell.agent)
+    yield from incomplete(before.label, [cell for cell, _ in pairs])
     yield from stopped(before.label, [cell for cell, _ in pairs])
     for cell, routes in pairs:
         yield from other_content(cell, routes)
     if whole:
         yield from not_driven(before.label, _LABEL, pairs)
+
+
+def _driven_otherwise(before: Fingerprint, after: Fingerprint, *, agent: str) -> Iterable[Mismatch]:
+    if after.versions:
+        yield from mismatches(before, after, agent=agent)
+    else:
+        yield from stuck_stops(before.stuck_stop_s, after.stuck_stop_s)
+
+
+def _nothing_in_common(before: Snapshot, planned: Collection[tuple[str, str]]) -> str:
+    asked = ", ".join(f"{agent} under {setting}" for agent, setting in islice(planned, _MOST_CELLS))
+    held = ", ".join(f"{agent} under {setting}" for agent, setting in islice(before.cells, _MOST_CELLS))
+    return (
+        f"{_LABEL} could not be compared with {before.label}, with which it has no agent, setting and route in common: "
+        f"it drives {asked}{_more(planned)}; {before.label} holds {held or 'nothing'}{_more(before.cells)}."
+    )
+
+
+def _more(cells: Collection[object]) -> str:
+    return f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""

@@ -56,6 +56,7 @@ class Shared:
         notes += [f"not in {before.label}: {_first_of(only_new)}"] if only_new else []
         whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]  # these tell themselves
         mismatches = (
+            *incomplete(before.label, [old for old, _ in pairs]),
             *stopped(before.label, [old for old, _ in pairs]),
             *stopped(after.label, [new for _, new in pairs]),
             *not_driven(before.label, after.label, whole),
@@ -74,6 +75,13 @@ def pairs_of(old: Cell, new: Cell) -> list[Pair]:
 def renamed_agents(before: Sequence[str], after: Sequence[str]) -> Mapping[str, str]:
     """Return what agents of the new run are called in the old one, where the names differ: each run has one agent."""
     return {after[0]: before[0]} if len(before) == len(after) == 1 and after[0] != before[0] else {}
+
+
+def incomplete(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
+    """Yield a mismatch where the old run lacks scores of these cells: against few of them nothing gets worse."""
+    told = [f"under {cell.setting}: {cell.broken[0]}" for cell in cells if cell.broken]
+    if told:
+        yield Mismatch("routes", f"{label} is incomplete {_first_of(told)}", "Run the command of that run again")
 
 
 def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:

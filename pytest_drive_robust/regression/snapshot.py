@@ -101,6 +101,11 @@ class Snapshot:
         return next((score.fingerprint.simulator for score in scores), None)
 
     @property
+    def is_complete(self) -> bool:
+        """False where an episode has no score: the simulator broke it, or the run ended before it was driven."""
+        return not any(cell.broken for cell in self.cells.values())
+
+    @property
     def agents(self) -> tuple[str, ...]:
         """Every agent once, in the order of the run."""
         return tuple(dict.fromkeys(agent for agent, _ in self.cells))

@@ -9,6 +9,10 @@
     reason = "the new planner lands in week 50"
     expires = 2026-12-15                              # the last day on which it holds
 
+The sentence is that of the summary: with ``(reading=released)`` where failures are read so. The id of the test case
+holds in both readings. How a number or a failure is written does not matter: ``<= 0.3`` and ``500ms latency`` say the
+same.
+
 TOML, because a waiver is written and read by people and wants comments.
 """
 
@@ -23,9 +27,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.store.events import Judged
+from pytest_drive_robust.verdict.sentences import parse_requirement
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -95,8 +101,7 @@ class Waivers:
     def _line(self, waiver: Waiver, judged: Sequence[Judged], *, whole: bool, open_fails: bool) -> str:
         covered = [item for item in judged if waiver.covers(item.requirement, item.nodeid, agent=item.agent)]
         if not covered:
-            meant = any(_matches(waiver.agent, item.agent) for item in judged)
-            return f"warning: this waiver matches no requirement: {waiver}" if whole and meant else ""
+            return _matching_nothing(waiver, judged) if whole else ""
         verdicts = Counter(item.verdict for item in covered)
         failing = verdicts["fail"] + (verdicts["inconclusive"] if open_fails else 0)
         inconclusive = 0 if open_fails else verdicts["inconclusive"]
@@ -109,6 +114,21 @@ class Waivers:
         if inconclusive:
             return f"waiver not used, {counts}: {waiver}"
         return f"waiver not needed any more, all of it passes: {waiver}" if verdicts["pass"] else ""
+
+
+def _matching_nothing(waiver: Waiver, judged: Sequence[Judged]) -> str:
+    """Return a warning that names what comes nearest; empty for a waiver of an agent that was not driven."""
+    meant = [item.requirement for item in judged if _matches(waiver.agent, item.agent)]
+    if meant:
+        close = nearest(waiver.requirement, meant)
+        hint = f" The nearest one is {close!r}." if close else ""
+        return f"warning: this waiver matches no requirement: {waiver}.{hint}"
+    known = [name.partition(":")[0] for name, _ in default_registry().names("agents")]
+    if not judged or ":" in waiver.agent or any(_matches(waiver.agent, name) for name in known):
+        return ""
+    close = nearest(waiver.agent, [*known, *(item.agent for item in judged)])
+    hint = f" Did you mean {close!r}?" if close else ""
+    return f"warning: this waiver matches no agent: {waiver}.{hint}"
 
 
 def read_waivers(path: Path) -> tuple[Waiver, ...]:
@@ -138,7 +158,16 @@ def _waiver(given: Mapping[str, Any], where: str) -> Waiver:
     for name in set(given) - {"expires"}:
         if not (isinstance(given[name], str) and given[name].strip()):
             raise UsageError(f"{where} has {name} = {given[name]!r}, expected text.")
-    return Waiver(**{**given, "expires": _date(given["expires"], where)})
+    requirement, expires = _as_judged(given["requirement"]), _date(given["expires"], where)
+    return Waiver(**{**given, "requirement": requirement, "expires": expires})
+
+
+def _as_judged(requirement: str) -> str:
+    """Return a sentence as it is shown when it is judged; an id or a pattern as it is."""
+    try:
+        return str(parse_requirement(requirement))
+    except UsageError:
+        return requirement
 
 
 def _date(given: object, where: str) -> date:

@@ -46,10 +46,13 @@ def conclusion(comparison: Comparison) -> str:
         )
     unsure = sum(cell.verdict == "inconclusive" for cell in comparison.cells)
     count = counted(len(comparison.cells) + len(comparison.unscored), "setting")
-    if comparison.regressed:
-        worse = [*(f"{cell.agent} under {cell.setting}" for cell in comparison.regressions), *comparison.unscored]
-        more = f" and {len(worse) - 1} more" if len(worse) > 1 else ""
-        return f"REGRESSION: {len(worse)} of {count} against {label}: {worse[0]}{more}"
+    unjudged = comparison.unjudged
+    if comparison.regressions:
+        worse = [f"{cell.agent} under {cell.setting}" for cell in comparison.regressions]
+        told = f"REGRESSION: {len(worse)} of {count} against {label}: {_first_of(worse)}"
+        return f"{told}; {len(unjudged)} not judged" if unjudged else told
+    if unjudged:
+        return f"NOT JUDGED: {len(unjudged)} of {count} against {label}: {_first_of(unjudged)}"
     part = _part(comparison)
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
         if part:
@@ -58,6 +61,10 @@ def conclusion(comparison: Comparison) -> str:
     return f"no regression shown {part or f'in {count}'} against {label}" + (
         f", {unsure} inconclusive" if unsure else ""
     )
+
+
+def _first_of(told: Sequence[str]) -> str:
+    return told[0] + (f" and {len(told) - 1} more" if len(told) > 1 else "")
 
 
 def _part(comparison: Comparison) -> str:
@@ -102,7 +109,7 @@ def _row(cell: CellComparison) -> tuple[str, ...]:
 def _stories(comparison: Comparison) -> Iterator[str]:
     """Yield what is behind each verdict that is not a pass, and behind each flip."""
     for cell in comparison.cells:
-        broken = [item for item in cell.findings if item.verdict in ("fail", "error") or _is_open(item)]
+        broken = [item for item in cell.findings if item.verdict in ("fail", "error") or item.is_open]
         if not broken and not cell.flips:
             continue
         with_clean = max(item.changed for item in cell.findings)
@@ -115,11 +122,6 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         passing = [flip for flip in cell.flips if not flip.fails]
         yield from _flips(comparison, cell, failing, most=_MOST_FAILING)
         yield from _flips(comparison, cell, passing, most=_MOST_PASSING)
-
-
-def _is_open(finding: Finding) -> bool:
-    """Return whether something changed and it is open what that means."""
-    return finding.verdict == "inconclusive" and finding.changed > 0
 
 
 def _mean_lines(comparison: Comparison) -> Iterator[str]:

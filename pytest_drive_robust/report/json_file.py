@@ -11,6 +11,8 @@ from pathlib import Path
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
+from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
+from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.store.episode_fields import fields_of
 from pytest_drive_robust.store.whole_file import write_whole
@@ -20,9 +22,12 @@ SCHEMA = 1
 _SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "signs_between", "episodes", "agent_errors")
 
 
-def write_json(path: Path, run: RunResult) -> None:
-    """Write the run so that `path` is either untouched or whole."""
-    write_whole(path, json_text(run_as_json(run)))
+def write_json(path: Path, run: RunResult, comparison: Comparison | None = None) -> None:
+    """Write the run, and what comparing it found, so that `path` is either untouched or whole."""
+    document = run_as_json(run)
+    if comparison is not None:
+        document["comparison"] = comparison_as_json(comparison)
+    write_whole(path, json_text(document))
 
 
 def json_text(document: Mapping[str, object]) -> str:
@@ -44,6 +49,33 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "notes": [*mixed_machines(run), *run.notes],
     }
     return {key: _finite(value) for key, value in document.items()}
+
+
+def comparison_as_json(comparison: Comparison) -> dict[str, object]:
+    """Return what comparing two runs found, as plain JSON types."""
+    terms = comparison.terms
+    document = {
+        "label": comparison.before.label,
+        "terms": {"fail_on": list(map(str, terms.allowances)), "verdict": terms.kind, "on_mismatch": terms.policy},
+        "conclusion": conclusion(comparison),
+        "refused": [item.text for item in comparison.refusals],
+        "regressed": comparison.regressed,
+        "cells": [_compared(cell) for cell in comparison.cells],
+        "unscored": comparison.unscored,
+    }
+    return {key: _finite(value) for key, value in document.items()}
+
+
+def _compared(cell: CellComparison) -> dict[str, object]:
+    return {
+        "agent": cell.agent,
+        "setting": cell.setting,
+        "verdict": cell.verdict,
+        "routes": cell.routes,
+        "changed": cell.changed,
+        "before": asdict(cell.before),
+        "after": asdict(cell.after),
+    }
 
 
 def _fingerprint(run: RunResult) -> dict[str, object]:

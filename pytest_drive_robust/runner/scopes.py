@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 
 from pytest_drive_robust.domain.route import Route
@@ -104,6 +104,11 @@ class Scopes:
     def dt_s(self) -> float:
         """Return the length of a tick of the run's simulator in seconds."""
         return self._simulator.dt_s
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Return what the run's simulator tells about itself before anything is driven."""
+        return {str(name): str(version) for name, version in self._simulator.versions().items()}
 
     def _identity(self, agent: str) -> str:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""

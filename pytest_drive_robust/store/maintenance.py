@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import time
 from collections import Counter
@@ -48,12 +47,13 @@ class Damage:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """What went, or would go: how many files of each kind, and how many bytes they took."""
+    """What went, or would go: how many files of each kind, and how many bytes they took. `problems`: what did not."""
 
     records: int
     set_aside: int
     leftovers: int
     size_bytes: int
+    problems: tuple[str, ...] = ()
 
 
 def statistics(folder: Path) -> Statistics:
@@ -119,21 +119,25 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     aside = _set_aside(folder)
     halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
-    size = sum(_size(path) for path in (*records, *aside, *halves))
+    sizes = {path: _size(path) for path in (*records, *aside, *halves)}
+    problems: list[str] = []
     if not dry:
         for path in (*records, *locks):  # a lock that nobody holds goes with its release
-            _remove_unclaimed(path, claims)
+            problems += _remove_unclaimed(path, claims)
         for path in (*aside, *halves):
-            _remove(path)
-    return Swept(len(records), len(aside), len(halves) + len(locks), size)
+            problems += _remove(path)
+    went = [[path for path in paths if dry or not path.exists()] for paths in (records, aside, halves, locks)]
+    counts = [len(paths) for paths in went]
+    size = sum(sizes.get(path, 0) for paths in went for path in paths)
+    return Swept(counts[0], counts[1], counts[2] + counts[3], size, tuple(problems))
 
 
-def _remove_unclaimed(path: Path, claims: Claims) -> None:
+def _remove_unclaimed(path: Path, claims: Claims) -> list[str]:
     claim = claims.attempt(path.stem)
-    if claim is not None:
-        with claim:
-            if path.suffix == SUFFIX:
-                _remove(path)
+    if claim is None:
+        return []
+    with claim:
+        return _remove(path) if path.suffix == SUFFIX else []
 
 
 def _is_reusable(row: IndexedEpisode) -> bool:
@@ -171,6 +175,10 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _remove(path: Path) -> None:
-    with contextlib.suppress(OSError):
-        path.unlink()
+def _remove(path: Path) -> list[str]:
+    """Remove a file; return why it stays, and nothing where it is gone."""
+    try:
+        path.unlink(missing_ok=True)
+    except OSError as error:
+        return [f"{path}: {error.strerror or error}"]
+    return []

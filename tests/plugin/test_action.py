@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import threading
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -94,11 +95,25 @@ def github():
         thread.join()
 
 
+def filled(text: str, known: dict[str, str]) -> str:
+    return re.sub(r"\$\{\{ (.*?) \}\}", lambda found: known[found[1]], text)
+
+
+class Cached(NamedTuple):
+    """A cache of GitHub: a job sees those of its own branch, and a pull request those of the base branch, too."""
+
+    branch: str
+    key: str
+    path: str
+    kept: Path
+
+
 class Job:
-    """Runs the steps of the action that are shell, in order, as GitHub does it."""
+    """Runs the steps of the action that are shell, in order, as GitHub does it; and its caches, but for kernels."""
 
     def __init__(self, folder: Path, github: GitHub) -> None:
         self.folder, self.github = folder, github
+        self.caches: list[Cached] = []
         self.temp = folder / "temp"
         (self.temp / "bin").mkdir(parents=True)
         (self.temp / "bin" / "python").write_text(PIP.format(python=sys.executable))
@@ -109,12 +124,15 @@ class Job:
         action = yaml.safe_load(ACTION.read_text(encoding="utf-8"))
         known = {f"inputs.{name}": str(given.get("default", "")) for name, given in action["inputs"].items()}
         known |= {f"inputs.{name}": value for name, value in inputs.items()}
+        known |= {"runner.os": "Linux", "runner.arch": "X64", "github.run_id": "42", "github.run_attempt": "1"}
         known |= {"github.action_path": "/action", "steps.upload.outputs.artifact-url": "https://files.invalid/1"}
         files = {name: self.temp / name for name in ("output", "summary")}
         for file in files.values():
             file.write_text("")
         codes: dict[str, int] = {}
         for step in action["runs"]["steps"]:
+            if "actions/cache/" in step.get("uses", ""):
+                self.cache(step, known, environment)
             if "run" not in step or (step["name"] == "Comment" and known["inputs.comment"] != "true"):
                 continue
             told = self.shell(step, known, environment, files)
@@ -127,14 +145,28 @@ class Job:
             files["output"].write_text("")
             if step["name"] == "Comment":
                 self.commented = self.said
+            if step["name"] == "Drive":
+                self.drove = self.said
         return codes, files["summary"].read_text()
+
+    def cache(self, step: dict[str, Any], known: dict[str, str], environment: dict[str, str]) -> None:
+        """Keep or restore what lies in the checkout. Of several caches the newest one of the own branch comes first."""
+        told = {name: filled(text, known) for name, text in step["with"].items()}
+        branch, base = environment["GITHUB_REF_NAME"], environment.get("GITHUB_BASE_REF", "")
+        (path,) = (line for line in told["path"].split() if not line.startswith("~"))
+        if "cache/restore" in step["uses"]:
+            seen = [item for name in (base, branch) for item in self.caches if item.branch == name]
+            found = [item for item in seen if item.key.startswith(told["restore-keys"]) and item.path == told["path"]]
+            if found:
+                shutil.copytree(found[-1].kept, self.folder / path, dirs_exist_ok=True)
+        elif (self.folder / path).is_dir() and not (base and "github.base_ref == ''" in step["if"]):
+            kept = self.temp / f"cache{len(self.caches)}"
+            shutil.copytree(self.folder / path, kept)
+            self.caches.append(Cached(branch, told["key"], told["path"], kept))
 
     def shell(
         self, step: dict[str, Any], known: dict[str, str], environment: dict[str, str], files: dict[str, Path]
     ) -> subprocess.CompletedProcess[str]:
-        def value(text: str) -> str:
-            return re.sub(r"\$\{\{ (.*?) \}\}", lambda found: known[found[1]], text)
-
         dropped = ("PYTEST_", "COV_", "GITHUB_")
         kept = {name: text for name, text in os.environ.items() if not name.startswith(dropped)}
         path = (str(self.temp / "bin"), str(Path(sys.executable).parent), os.environ["PATH"])
@@ -150,9 +182,9 @@ class Job:
             "GITHUB_RUN_ID": "42",
             "no_proxy": "127.0.0.1",
             **environment,
-            **{name: value(str(text)) for name, text in step.get("env", {}).items()},
+            **{name: filled(str(text), known) for name, text in step.get("env", {}).items()},
         }
-        folder = self.folder / value(step.get("working-directory", "."))
+        folder = self.folder / filled(step.get("working-directory", "."), known)
         assert "${{" not in step["run"], "what people may write must come by the environment"
         command = ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]]
         return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, check=False)
@@ -232,3 +264,32 @@ def test_what_pytest_refuses_ends_the_job_with_its_exit_code(job, github):
         "Drive": 0,
         "Verdict": 0,
     }
+
+
+@pytest.mark.slow
+def test_each_push_of_a_pull_request_is_compared_with_the_newest_run_of_its_base(job):
+    job.run(INPUTS, **MAIN)
+    assert job.run(INPUTS, **pull_request(job))[0]["Verdict"] == 0
+    shutil.rmtree(job.folder / ".drive-robust")  # every job begins with a fresh checkout
+    assert job.run({**INPUTS, "pytest": "--drive-agent slow"}, **MAIN)[0]["Verdict"] == 1
+    shutil.rmtree(job.folder / ".drive-robust")
+    _, summary = job.run(INPUTS, **pull_request(job))
+    assert re.search(r"newly passing|no regression shown in 2 settings against branch-main", summary), summary
+    assert {item.branch for item in job.caches if "-base-" in item.key} == {"main"}
+
+
+@pytest.mark.slow
+def test_a_folder_below_the_root_of_pytest_and_any_name_of_a_branch_are_compared_too(job):
+    below = job.folder / "driving"
+    below.mkdir()
+    for name in ("conftest.py", "test_suite.py", "routes.xml"):
+        (job.folder / name).rename(below / name)
+    inputs = {**INPUTS, "folder": "driving"}
+    branch = {"GITHUB_REF_NAME": "plan.json"}
+    change = {**pull_request(job), "GITHUB_BASE_REF": "plan.json"}
+    assert job.run(inputs, **change)[0]["Verdict"] == 0
+    assert "no run of the base branch is cached, so nothing is compared with it" in job.drove
+    assert job.run(inputs, **branch)[0]["Verdict"] == 0
+    assert (below / ".drive-robust" / "runs" / "branch-plan-json.json").is_file()
+    _, summary = job.run(inputs, **change)
+    assert "against branch-plan-json" in summary

@@ -156,6 +156,10 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
         (("--drive-waivers=none.toml",), "there is no file"),
+        (("--drive-baselines=blessed",), "--drive-baselines is read to compare: give --drive-compare, too"),
+        (("--drive-b2d-root=x",), "--drive-b2d-root needs --drive-sim bench2drive: add that, or leave"),
+        (("--drive-b2d-python=python3",), "--drive-b2d-python needs --drive-sim bench2drive"),
+        (("--drive-sim=bench2driv",), "there is no simulator named 'bench2driv'. Did you mean 'bench2drive'?"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
@@ -231,6 +235,68 @@ def test_another_time_of_standing_is_refused(suite, driven):
     run(folder, "--drive-save=before")
     told = refused(folder, driven, "--drive-compare=before", "--drive-stuck-stop=60")
     assert "episodes of a stuck agent were never stopped early and are stopped after 60 s" in told
+
+
+def test_another_version_of_the_simulator_is_refused(suite, driven):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    path = folder.path / ".drive-robust" / "runs" / "before.json"
+    document = stored(folder, "before")
+    version = document["episodes"][0]["versions"]["fake"]
+    for episode in document["episodes"]:
+        episode["versions"]["fake"] = "of last year"
+    path.write_text(json.dumps(document))
+    told = refused(folder, driven, "--drive-compare=before")
+    assert f"the simulator was fake (of last year) and is fake ({version})" in told
+
+
+def test_a_run_with_nothing_in_common_is_refused(both, driven):
+    run(both, "--drive-save=before", "-k", "clean")
+    told = refused(both, driven, "--drive-compare=before", "-k", "0.9")
+    assert "with which it has no agent, setting and route in common: it drives steady under throttle 0.9" in told
+    assert "before holds steady under clean." in told
+
+
+def test_a_run_that_ended_early_replaces_no_complete_one(both):
+    run(both, "--drive-save=before")
+    kept = stored(both, "before")
+    conftest = both.path / "conftest.py"
+    interrupt = """
+
+def pytest_runtest_logreport(report):
+    if report.when == "call":
+        raise KeyboardInterrupt
+"""
+    conftest.write_text(conftest.read_text() + interrupt)
+    told = both.runpytest_subprocess("--drive-robust", "--drive-save=before").stdout.str()
+    assert "not stored: this run is incomplete, so the stored run before stays as it was" in told
+    assert stored(both, "before") == kept
+    told = both.runpytest_subprocess("--drive-robust", "--drive-save=early").stdout.str()
+    assert "stored as early, incomplete: run again before you compare with it" in told
+    assert "next:" not in told
+
+
+def test_a_run_whose_time_was_spent_is_no_reference(suite, driven):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    document = stored(folder, "before")
+    del document["episodes"][1:]
+    document["summaries"][0]["episodes_finished"] = 1
+    (folder.path / "early.json").write_text(json.dumps(document))
+    told = refused(folder, driven, "--drive-compare=early.json")
+    assert "could not be compared with early.json: early.json is incomplete under throttle 0.9: 2 episodes were" in told
+    assert "Run the command of that run again, or give --drive-on-mismatch=warn." in told
+
+
+def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(suite):
+    folder = suite(test='def test_it(drive): assert drive.ds("throttle 0.9") >= 1')
+    run(folder, "--drive-save=before")
+    slow_down(folder)
+    found = (EVIDENCE, "--drive-compare=before")
+    assert run(folder, *found, "--drive-json=found.json").ret == 0
+    comparison = json.loads((folder.path / "found.json").read_text())["comparison"]
+    assert [cell["verdict"] for cell in comparison["cells"]] == ["inconclusive"]
+    assert run(folder, *found, "--drive-inconclusive=fail").ret == 1
 
 
 def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite, driven):

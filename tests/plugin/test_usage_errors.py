@@ -81,6 +81,54 @@ def test_an_ini_value_is_checked_like_an_option(suite):
     assert "--drive-seeds is '-1'" in refused(folder)
 
 
+@pytest.mark.parametrize(
+    ("key", "message"),
+    [
+        ("drive_agnt", "there is no ini key named 'drive_agnt'. Did you mean 'drive_agent'?"),
+        ("drive-agent", "Did you mean 'drive_agent'?"),
+        ("drive_robust", "--drive-robust is for the command line only. Give it there, or in addopts."),
+        ("drive-fresh", "--drive-fresh is for the command line only"),
+        ("drive_frsh", "--drive-fresh is for the command line only"),
+    ],
+)
+def test_a_misspelt_ini_key_is_refused_as_another_agent_would_be_judged(suite, driven, key, message):
+    folder = suite(GREEN)
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write(f"{key} = true\n")
+    assert message in refused(folder)
+    assert driven() == []
+    assert folder.runpytest_inprocess().ret == 0  # without the switch it is none of our business
+
+
+def test_a_misspelt_ini_key_is_refused_on_the_command_line_too(suite, driven):
+    assert "there is no ini key named 'drive_agnt'" in refused(suite(GREEN), "-o", "drive_agnt=steady")
+    assert driven() == []
+
+
+def test_an_ini_key_of_another_plugin_is_its_own(suite):
+    conftest = """
+def pytest_addoption(parser):
+    parser.addini("drive_train", "of the vehicle", type="bool", default=False)
+"""
+    folder = suite(GREEN, conftest=conftest)
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write("drive_train = front\n")
+    assert folder.runpytest_inprocess("--drive-robust").ret == 0
+
+
+@pytest.mark.parametrize("name", ["drive_robst", "driverobust"])
+@processes
+def test_a_misspelt_marker_is_refused_and_a_registered_one_is_its_own(suite, driven, name, workers):
+    test = f"import pytest\n@pytest.mark.{name}(agent='faulty')\ndef test_it(drive): pass"
+    folder = suite(GREEN, test=test)
+    output = refused(folder, "-W", "default", *workers)
+    assert f"test_suite.py::test_it: there is no marker named '{name}'. Did you mean 'drive_robust'?" in output
+    assert driven() == []
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write(f"markers = {name}(agent): of somebody else\n")
+    assert folder.runpytest_inprocess("--drive-robust", "-k", "requirement").ret == 0
+
+
 @pytest.mark.parametrize("args", [("--drive-robust",), (), ("-n2",)], ids=["driving", "inert", "inert-two-workers"])
 def test_a_bad_sentence_ends_the_collection_with_the_nearest_valid_one(suite, driven, args):
     folder = suite("RD under 200 ms latencie <= 0.30")

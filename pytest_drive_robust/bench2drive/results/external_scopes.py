@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
@@ -42,6 +42,11 @@ class ExternalScopes(Scopes):
     def dt_s(self) -> float:
         """Bench2Drive's tick in seconds."""
         return TICK_S
+
+    @property
+    def versions(self) -> Mapping[str, str]:
+        """Return nothing: only the episodes tell what drove them."""
+        return {}
 
     def of(self, marker: MarkerOptions) -> Scope:
         """Return the scope of a test with this marker. Raises `UsageError` for unknown routes."""

@@ -37,6 +37,18 @@ def test_a_regression_exits_with_1_and_shows_the_routes(capsys: pytest.CaptureFi
     assert 'replay:  drive-robust replay 1 --agent driver --setting "200 ms latency" --seed 0' in shown
 
 
+def test_what_was_found_is_written_for_machines(tmp_path: Path) -> None:
+    store_run("a")
+    store_run("b", factor=0.5)
+    file = tmp_path / "found.json"
+    assert main(["compare", "a", "b", "--fail-on", "ds:-3%", "--json", str(file)]) == 1
+    found = json.loads(file.read_text())
+    assert (found["label"], found["regressed"], found["refused"]) == ("a", True, [])
+    assert found["terms"] == {"fail_on": ["ds:-3%"], "verdict": "auto", "on_mismatch": "default"}
+    assert found["conclusion"].startswith("REGRESSION: 1 of 2 settings against a")
+    assert {cell["setting"]: cell["verdict"] for cell in found["cells"]} == {"clean": "pass", "200 ms latency": "fail"}
+
+
 @pytest.mark.parametrize(
     ("limit", "code"), [("ds:-60%", 0), ("ds:-40", 0), ("ds:-10", 1), ("sr:-0.1", 1), ("rd:+0.05", 1), ("rd:+0.6", 0)]
 )

@@ -20,6 +20,7 @@ def test_list_of_one_kind_shows_no_other(capsys: pytest.CaptureFixture[str]) -> 
     assert main(["list", "simulators"]) == 0
     shown = capsys.readouterr().out
     assert "embedded" in shown
+    assert "bench2drive" in shown
     assert "burst-frame-drop" not in shown
 
 

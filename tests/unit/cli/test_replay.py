@@ -263,8 +263,11 @@ def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, caps
         fingerprint = {"agents": {}, "routes": {ROUTE.id: digest}}
         document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [episode], "fingerprint": fingerprint}
         (folder / "run.json").write_text(json.dumps(document))
-        main([*GOOD, *LATE, "--no-video", "--run", "run.json"])
-        assert f"200 ms latency: {told}" in capsys.readouterr().out
+        code = main([*GOOD, *LATE, "--no-video", "--run", "run.json"])
+        shown = capsys.readouterr()
+        assert f"200 ms latency: {told}" in shown.out
+        assert code == (1 if told == "DIFFERS from the run" else 4)
+    assert "the run run.json holds nothing of what was driven, so nothing was compared: it holds 1 episode" in shown.err
 
 
 def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(

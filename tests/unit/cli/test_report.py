@@ -23,6 +23,13 @@ def test_a_stored_run_becomes_pages_and_the_path_is_printed(tmp_path, capsys):
     assert data_of(tmp_path / "drive-report")["label"] == "one"
 
 
+def test_a_store_that_is_not_there_is_refused(tmp_path, capsys):
+    store_run("one")
+    assert main(["report", "one", "--store", "nope"]) == 4
+    assert "there is no store 'nope'" in capsys.readouterr().err
+    assert not (tmp_path / "drive-report").exists()
+
+
 def test_against_a_run_says_what_got_worse(tmp_path):
     store_run("one")
     store_run("two", factor=0.5)

@@ -313,7 +313,7 @@ def test_what_follows_the_colon_is_passed_to_the_factory(several_kinds):
 
 def test_the_list_shows_the_syntax(several_kinds):
     names = [name for name, _ in several_kinds.names("simulators")]
-    assert names == ["embedded", "gymnasium:ID", "plain", "towns:TOWN"]
+    assert names == ["bench2drive", "embedded", "gymnasium:ID", "plain", "towns:TOWN"]
 
 
 def test_the_factory_s_own_refusal_comes_through(several_kinds):

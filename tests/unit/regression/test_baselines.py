@@ -134,6 +134,21 @@ def test_a_partial_run_keeps_every_other_score(tmp_path: Path) -> None:
     }
 
 
+def test_other_routes_of_the_same_settings_are_dropped_on_request(tmp_path: Path) -> None:
+    bless(snapshot(cell([100.0] * 3), cell([50.0] * 3, setting="occlusion 0.5")), tmp_path, SIGNATURE, environ={})
+    run = snapshot(cell({"2": 90.0, "9": 80.0}))
+    (kept,) = bless(run, tmp_path, SIGNATURE, environ={})
+    assert (kept.kept, kept.beside, kept.dropped) == (5, 2, 0)
+    before = blessed_snapshot([read_baseline(kept.path)], simulator="fake", label="baseline")
+    assert "lacks routes of baseline" in compare(before, run).refusals[0].text
+    (only,) = bless(run, tmp_path, SIGNATURE, environ={}, only=True)
+    assert (only.added, only.replaced, only.kept, only.beside, only.dropped) == (0, 2, 3, 0, 2)
+    before = blessed_snapshot([read_baseline(only.path)], simulator="fake", label="baseline")
+    assert list(before.cells["driver", "clean"].routes) == ["2", "9"]
+    assert len(before.cells["driver", "occlusion 0.5"].routes) == 3
+    assert compare(before, run).refusals == ()
+
+
 def test_a_blessed_run_compares_with_itself_without_a_word(tmp_path: Path) -> None:
     run = snapshot(cell([100.0, 36.123456, 60.0] * 20))
     (blessed,) = bless(run, tmp_path, SIGNATURE, environ={})

@@ -189,6 +189,23 @@ def test_rd_without_clean_episodes_is_an_error_not_a_pass() -> None:
     assert found.regressed
 
 
+def test_what_got_worse_is_told_apart_from_what_was_not_scored() -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="200 ms latency"))
+    worse, broken = [score * 0.5 for score in BUSY], ("7, seed 0: no map",)
+    comparison = compare(old, snapshot(cell(worse), cell(BUSY, setting="200 ms latency", broken=broken)))
+    told = comparison_text(comparison, colour=False).splitlines()[-1]
+    assert told == "REGRESSION: 1 of 2 settings against run: driver under clean; 1 not judged"
+    assert [item.setting for item in comparison.regressions] == ["clean"]
+
+
+def test_an_incomplete_run_is_no_reference() -> None:
+    told = "38 episodes were not driven, as the run ended before"
+    comparison = compare(snapshot(cell(BUSY[:6], broken=(told,))), snapshot(cell(BUSY)))
+    (refusal,) = comparison.refusals
+    assert refusal.text == f"run is incomplete under clean: {told}"
+    assert compare(snapshot(cell(BUSY)), snapshot(cell(BUSY, broken=(told,)))).refusals == ()  # the new one is an error
+
+
 def test_an_episode_that_broke_now_is_an_error() -> None:
     broken = cell(BUSY, broken=("7, seed 0: no map",))
     (found,) = compare(snapshot(cell(BUSY)), snapshot(broken)).cells
@@ -197,7 +214,7 @@ def test_an_episode_that_broke_now_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("told", ["7, seed 0: no map", "24 episodes were not driven, as the run ended before"])
-def test_a_setting_of_which_nothing_was_scored_is_a_regression(told: str) -> None:
+def test_a_setting_of_which_nothing_was_scored_is_not_judged_and_red(told: str) -> None:
     old = snapshot(cell(BUSY), cell(BUSY, setting="200 ms latency"))
     new = snapshot(cell(BUSY), cell([], setting="200 ms latency", broken=(told,)))
     comparison = compare(old, new)
@@ -207,7 +224,8 @@ def test_a_setting_of_which_nothing_was_scored_is_a_regression(told: str) -> Non
     assert comparison.notes == ()
     text = comparison_text(comparison, colour=False)
     assert f"error: driver under 200 ms latency: not scored: {told}" in text
-    assert "REGRESSION: 1 of 2 settings against " in text
+    told = f"NOT JUDGED: 1 of 2 settings against run: driver under 200 ms latency: not scored: {told}"
+    assert text.splitlines()[-1] == told
 
 
 def test_only_common_routes_count_and_the_others_are_told() -> None:

@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.regression.waivers import Waiver, Waivers, read_waivers
 from pytest_drive_robust.store.events import Judged
+from pytest_drive_robust.verdict.sentences import parse_requirement
 
 LAST_DAY = date(2026, 12, 15)
 SENTENCE = "RD under 500 ms latency <= 0.30"
@@ -108,9 +109,41 @@ def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -
     assert Waivers([WAIVER]).review(others, whole=False) == []
 
 
-def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing() -> None:
-    waiver = Waiver(SENTENCE, "planning", "why", LAST_DAY, "other")
+def test_the_warning_names_the_nearest_requirement_that_was_judged() -> None:
+    waiver = Waiver("RD under 500 ms latency <= 0.15", "planning", "why", LAST_DAY)
+    (line,) = Waivers([waiver]).review([judged("fail")], whole=True)
+    assert line.endswith(f" The nearest one is {SENTENCE!r}.")
+
+
+@pytest.mark.parametrize(("agent", "near"), [("drivr", "driver"), ("leaderbord", "leaderboard")])
+def test_a_waiver_of_an_agent_that_nobody_knows_is_a_warning(agent: str, near: str) -> None:
+    waiver = Waiver(SENTENCE, "planning", "why", LAST_DAY, agent)
+    (line,) = Waivers([waiver]).review([judged("fail")], whole=True)
+    assert line.startswith("warning: this waiver matches no agent: ")
+    assert line.endswith(f" Did you mean {near!r}?")
+    assert Waivers([waiver]).review([judged("fail")], whole=False) == []
+
+
+@pytest.mark.parametrize("agent", ["leaderboard", "leader*", "my_agent:MyAgent"])
+def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing(agent: str) -> None:
+    waiver = Waiver(SENTENCE, "planning", "why", LAST_DAY, agent)
     assert Waivers([waiver]).review([judged("fail")], whole=True) == []
+
+
+@pytest.mark.parametrize(
+    ("written", "covered"),
+    [
+        ("RD under 500ms latency <= 0.3", True),
+        ("RD under 500 ms latency <= 0.30", True),
+        ("RD under * latency <= *", True),
+        ("rd-500ms-latency-le-0.30", True),
+        ("RD under 500 ms latency <= 0.15", False),
+    ],
+)
+def test_a_sentence_covers_however_it_is_written(tmp_path: Path, written: str, covered: bool) -> None:
+    text = f'[[waiver]]\nrequirement = "{written}"\nowner = "a"\nreason = "b"\nexpires = 2026-12-15\n'
+    (waiver,) = read_waivers(write(tmp_path, text))
+    assert waiver.covers(str(parse_requirement("RD under 500 ms latency <= 0.3")), NODEID, agent="driver") is covered
 
 
 def write(folder: Path, text: str) -> Path:

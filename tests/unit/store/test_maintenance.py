@@ -141,6 +141,20 @@ def test_the_command_sweeps_what_it_is_told_to(store, capsys):
     assert "Did you mean 'driver'" in capsys.readouterr().err
 
 
+def test_only_what_is_gone_is_reported_as_removed(store, capsys, monkeypatch):
+    def refuses(path, missing_ok=False):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "unlink", refuses)
+        assert run_cli(store, "gc", "--agent", "other") == 1
+    told = capsys.readouterr().out
+    assert "removed 0 episodes, 0 damaged records and 0 leftovers of writers that died, 0.0 MB" in told
+    assert "1 file could not be removed, first " in told
+    assert "Permission denied" in told
+    assert statistics(store.folder).records == 4
+
+
 @pytest.mark.parametrize("what", ["stats", "verify", "gc"])
 def test_a_folder_of_other_things_is_no_store(tmp_path, capsys, what):
     (tmp_path / "aside").mkdir()

@@ -11,7 +11,7 @@ driveRobust.views.set("compare", (() => {
     return {
       title: "Compare",
       nodes: [
-        h("h1", {}, comparison.regressed ? "It got worse" : comparison.refused ? "Not compared" : "No regression shown"),
+        h("h1", {}, comparison.conclusion.startsWith("NOT JUDGED") ? "Not judged" : comparison.regressed ? "It got worse" : comparison.refused ? "Not compared" : "No regression shown"),
         h("p", { class: "lead" }, comparison.conclusion),
         h("p", { class: "soft" }, `before: ${comparison.before}${comparison.beforeMade ? ` (${comparison.beforeMade})` : ""}; now: ${comparison.after}`),
         comparison.settings.length ? h("section", {}, h("h2", {}, "Settings, the worst change first"), table(worst)) : null,

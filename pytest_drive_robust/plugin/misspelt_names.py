@@ -1,0 +1,61 @@
+"""Names that pytest itself only warns about, and that would have another agent judged: ini keys and marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+import pytest
+
+from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+from pytest_drive_robust.options.table import OPTIONS
+
+_MARK = "drive_robust"
+_CLOSE = 0.8
+"""So alike is a mark that is meant as ours: a suite may have marks such as `robust` of its own."""
+
+
+def refuse_unknown_keys(config: pytest.Config) -> None:
+    """Raise `UsageError` for a key of the ini file that begins as ours do and that no plugin registered."""
+    ours = {option.name: option for option in OPTIONS.values()}
+    keys = [name for name, option in ours.items() if not option.is_switch]
+    for key in _given_keys(config):
+        if key in keys or not key.startswith(("drive_", "drive-")) or _is_registered(key, config):
+            continue
+        meant = ours.get(nearest(key, ours) or "")
+        if meant is not None and meant.is_switch:
+            raise UsageError(
+                f"there is no ini key named {key!r}: {meant.flag} is for the command line only. Give it there, or "
+                "in addopts."
+            )
+        raise UnknownNameError.of("ini key", key, keys)
+
+
+def refuse_unknown_marks(item: pytest.Item) -> None:
+    """Raise `UsageError` for a mark that is almost called as ours and that nobody registered."""
+    for mark in item.iter_markers():
+        if mark.name != _MARK and get_close_matches(mark.name, [_MARK], cutoff=_CLOSE):
+            registered = {line.partition(":")[0].partition("(")[0].strip() for line in item.config.getini("markers")}
+            if mark.name not in registered:
+                raise UsageError(
+                    f"there is no marker named {mark.name!r}. Did you mean {_MARK!r}? Another marker of that name has "
+                    "to be registered under markers in the ini file."
+                )
+
+
+def _given_keys(config: pytest.Config) -> Iterable[str]:
+    """Return the keys of the ini file and of `-o`. pytest 9.1 and later warn of `inicfg`, earlier ones have it only."""
+    in_file = getattr(config, "_inicfg", None)
+    yield from getattr(config, "inicfg", ()) if in_file is None else in_file
+    for override in config.getoption("override_ini") or ():
+        yield override.partition("=")[0].strip()
+
+
+def _is_registered(key: str, config: pytest.Config) -> bool:
+    try:
+        config.getini(key)
+    except ValueError as error:
+        return not str(error).startswith("unknown configuration value")
+    except pytest.UsageError:  # a value that the plugin of the key cannot use
+        return True
+    return True
