@@ -31,7 +31,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.store.events import Judged
-from pytest_drive_robust.verdict.sentences import parse_requirement
+from pytest_drive_robust.verdict.sentences import requirements
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -165,9 +165,10 @@ def _waiver(given: Mapping[str, Any], where: str) -> Waiver:
 def _as_judged(requirement: str) -> str:
     """Return a sentence as it is shown when it is judged; an id or a pattern as it is."""
     try:
-        return str(parse_requirement(requirement))
-    except UsageError:
+        (stated,) = requirements(requirement)
+    except (UsageError, ValueError):  # no sentence, or several lines
         return requirement
+    return str(stated)
 
 
 def _date(given: object, where: str) -> date:

@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.regression.waivers import Waiver, Waivers, read_waivers
 from pytest_drive_robust.store.events import Judged
-from pytest_drive_robust.verdict.sentences import parse_requirement
+from pytest_drive_robust.verdict.sentences import requirements
 
 LAST_DAY = date(2026, 12, 15)
 SENTENCE = "RD under 500 ms latency <= 0.30"
@@ -143,7 +143,7 @@ def test_a_waiver_of_an_agent_that_was_not_driven_says_nothing(agent: str) -> No
 def test_a_sentence_covers_however_it_is_written(tmp_path: Path, written: str, covered: bool) -> None:
     text = f'[[waiver]]\nrequirement = "{written}"\nowner = "a"\nreason = "b"\nexpires = 2026-12-15\n'
     (waiver,) = read_waivers(write(tmp_path, text))
-    assert waiver.covers(str(parse_requirement("RD under 500 ms latency <= 0.3")), NODEID, agent="driver") is covered
+    assert waiver.covers(str(requirements("RD under 500 ms latency <= 0.3")[0]), NODEID, agent="driver") is covered
 
 
 def write(folder: Path, text: str) -> Path:
