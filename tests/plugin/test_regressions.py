@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 
+import jsonschema
 import pytest
+from published_schema import run_schema
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -294,7 +296,9 @@ def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(suite):
     slow_down(folder)
     found = (EVIDENCE, "--drive-compare=before")
     assert run(folder, *found, "--drive-json=found.json").ret == 0
-    comparison = json.loads((folder.path / "found.json").read_text())["comparison"]
+    document = json.loads((folder.path / "found.json").read_text())
+    jsonschema.validate(document, run_schema())
+    comparison = document["comparison"]
     assert [cell["verdict"] for cell in comparison["cells"]] == ["inconclusive"]
     assert run(folder, *found, "--drive-inconclusive=fail").ret == 1
 
