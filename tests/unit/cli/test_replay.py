@@ -247,8 +247,8 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
 def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
     (folder / "run").write_text(json.dumps(document))
-    assert main([*GOOD, "--no-video", "--run", "run"]) == 0
-    assert "clean: not in the run run" in capsys.readouterr().out
+    assert main([*GOOD, "--no-video", "--run", "run"]) == 4
+    assert "the run run holds nothing of what was driven" in capsys.readouterr().err
     assert main([*GOOD, "--no-video", "--run", "gone.json"]) == 4
     assert "--run is 'gone.json', but there is no such file or folder" in capsys.readouterr().err
 
