@@ -69,7 +69,7 @@ def test_a_clear_fail_is_red_at_once_and_lets_holm_reject_the_next_at_the_end(mi
     result.stdout.fnmatch_lines(
         [
             "*shown: DS < 60 on routes like these; any wrong fail among 2: at most 5%",
-            f"NOT GREEN: {NEAR}: *, open in its test, a fail when all p-values were known*",
+            f"NOT GREEN: steady: {NEAR}: *, open in its test, a fail when all p-values were*",
             "*1 failed, 1 inconclusive*",
         ]
     )

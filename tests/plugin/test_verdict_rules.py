@@ -276,4 +276,4 @@ def test_search(drive):
         "bumps under clean <= 3": "error",
         "DS under clean >= 0.01": "pass",
     }
-    assert "1 of 2 requirements hold, 1 not judged" in (pytester.path / "summary.md").read_text()
+    assert "1 of 2 requirements hold, 1 error" in (pytester.path / "summary.md").read_text()
