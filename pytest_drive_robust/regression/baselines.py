@@ -186,7 +186,8 @@ def bless(
     only: bool = False,
 ) -> tuple[Blessed, ...]:
     """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
-    With `only` that is what it drove nothing of: other routes of its agents and settings go.
+
+    With `only`, routes that it did not drive are dropped under the settings that it did drive.
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
