@@ -48,14 +48,16 @@ class RegressionChecks:
         if self._before is not None:
             from pytest_drive_robust.regression.planned_run import check_planned_run
 
-            driven_with = Fingerprint(self._simulator, self._stuck_stop_s, versions=scopes.versions)
+            def driven_with(agent: str) -> Fingerprint:
+                return Fingerprint(self._simulator, self._stuck_stop_s, versions=scopes.versions_of(agent))
+
             policy = self._regression.policy
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool, interrupted: bool = False) -> bool:
+    def finish(self, run: RunResult, *, whole: bool, ended_early: bool = False) -> bool:
         """Store, compare, review. True when the run must not be green.
 
-        `whole`: every test was selected and ran; `interrupted`: somebody ended the run.
+        `whole`: every test was selected and ran; `ended_early`: tests were left.
         """
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
@@ -65,7 +67,7 @@ class RegressionChecks:
             return red
         document = run_as_json(run)
         if self._regression.save:
-            red = self._store(document, complete=not interrupted and _is_complete(document)) or red
+            red = self._store(document, complete=not ended_early and _is_complete(document)) or red
         if self._before is not None:
             red = self._compare(self._before, document) or red
         return red

@@ -18,7 +18,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 
 _DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
-_INTERRUPTED = "the run was interrupted: requirements whose tests had not ended by then are not in this report"
+_ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("keyword", "markexpr", "deselect", "ignore", "ignore_glob", "lf", "stepwise")
 
@@ -33,6 +33,7 @@ class ReportingPlugin:
         self._ran = False
         self._broke = False
         self._deselected = False
+        self._ended: set[str] = set()
 
     def pytest_report_header(self) -> str:
         """Return the effective options, in one line."""
@@ -51,6 +52,10 @@ class ReportingPlugin:
     def pytest_testnodedown(self, node: Any) -> None:
         """Note that tests were left out in a worker that ended (a hook of pytest-xdist)."""
         self._deselected |= (getattr(node, "workeroutput", None) or {}).get(DESELECTED, False)
+
+    def pytest_runtest_logfinish(self, nodeid: str) -> None:
+        """Note that a test has ended, here or in a worker."""
+        self._ended.add(nodeid)
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
@@ -71,15 +76,23 @@ class ReportingPlugin:
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Write every report. A run that drove no episode, or whose file was not written, is not green."""
         if self._ran and not problems_of(self._config):
-            interrupted = session.exitstatus == pytest.ExitCode.INTERRUPTED
-            if interrupted:
-                self._outputs.note(_INTERRUPTED)
+            early = self._why_early(session)
+            if early:
+                self._outputs.note(_ENDED_EARLY.format(early))
             whole = not self._deselected and every_test_ran(session)
-            problem = self._outputs.finish(whole=whole, interrupted=interrupted)
+            problem = self._outputs.finish(whole=whole, ended_early=bool(early))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
+
+    def _why_early(self, session: pytest.Session) -> str:
+        """Return in what way the run ended before all its tests had, as `-x` and Ctrl-C end it; empty otherwise."""
+        if len(self._ended) >= session.testscollected:
+            return ""
+        if session.exitstatus == pytest.ExitCode.INTERRUPTED:
+            return "was interrupted"
+        return "ended early" if session.shouldstop or session.shouldfail else ""
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""

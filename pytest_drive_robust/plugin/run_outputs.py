@@ -82,10 +82,10 @@ class RunOutputs:
         """Keep what every report shall say."""
         self._notes.append(sentence)
 
-    def finish(self, *, whole: bool = False, interrupted: bool = False) -> bool:
+    def finish(self, *, whole: bool = False, ended_early: bool = False) -> bool:
         """Build the result and write the files. True when the run must not be green for a reason of its own.
 
-        `whole` says that every test was selected and ran, `interrupted` that somebody ended the run.
+        `whole` says that every test was selected and ran, `ended_early` that tests were left.
         """
         run = self._run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
@@ -94,7 +94,7 @@ class RunOutputs:
             self._problems.append(_NOTHING_DRIVEN)
         red = self._attempt(
             "the run was not stored or compared",
-            lambda: self._checks.finish(run, whole=whole, interrupted=interrupted),
+            lambda: self._checks.finish(run, whole=whole, ended_early=ended_early),
         )
         compared = self._checks.comparison
         self._write(self._options.json_path, partial(write_json, comparison=compared), run)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from itertools import islice
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain, islice
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches, stuck_stops
@@ -28,13 +28,13 @@ def check_planned_run(
     requests: Iterable[EpisodeRequest],
     *,
     whole: bool,
-    driven_with: Fingerprint,
+    driven_with: Callable[[str], Fingerprint],
     policy: MismatchPolicy,
 ) -> None:
     """Raise `UsageError` where comparing with `before` would be refused, however the planned episodes end.
 
-    `whole` says that nothing else will be driven; tests may ask for more than is planned. `driven_with` is what is
-    known of how it is driven; where it tells no versions, they are not known.
+    `whole` says that nothing else will be driven; tests may ask for more than is planned. `driven_with` tells what is
+    known of how an agent is driven; where it tells no versions, they are not known.
     """
     planned: dict[tuple[str, str], dict[str, str]] = {}
     for request in requests:
@@ -43,14 +43,15 @@ def check_planned_run(
         if episode.route_id not in routes:
             routes[episode.route_id] = route_digest(request.route)
     renamed = renamed_agents(before.agents, tuple(dict.fromkeys(agent for agent, _ in planned)))
-    pairs = [
-        (old, routes)
+    common = [
+        (agent, old, routes)
         for (agent, setting), routes in planned.items()
         if (old := before.cells.get((renamed.get(agent, agent), setting))) is not None
     ]
+    pairs = [(old, routes) for _, old, routes in common]
     if whole and planned and not any(old.routes.keys() & routes for old, routes in pairs):
         raise UsageError(_nothing_in_common(before, planned))
-    found = _mismatches(before, pairs, whole=whole, driven_with=driven_with)
+    found = chain(_driven_otherwise(common, driven_with), _of_routes(before, pairs, whole=whole))
     refused = next((item for item in found if item.refuses(policy)), None)
     if refused is not None:
         raise UsageError(
@@ -59,28 +60,28 @@ def check_planned_run(
         )
 
 
-def _mismatches(
-    before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]], *, whole: bool, driven_with: Fingerprint
-) -> Iterable[Mismatch]:
+def _driven_otherwise(
+    common: Iterable[tuple[str, Cell, Mapping[str, str]]], driven_with: Callable[[str], Fingerprint]
+) -> Iterator[Mismatch]:
     seen: list[Fingerprint] = []
-    for cell, _ in pairs:
-        for score in cell.routes.values():
+    for agent, old, _ in common:
+        for score in old.routes.values():
             if score.fingerprint not in seen:
                 seen.append(score.fingerprint)
-                yield from _driven_otherwise(score.fingerprint, driven_with, agent=cell.agent)
+                after = driven_with(agent)
+                if after.versions:
+                    yield from mismatches(score.fingerprint, after, agent=old.agent)
+                else:
+                    yield from stuck_stops(score.fingerprint.stuck_stop_s, after.stuck_stop_s)
+
+
+def _of_routes(before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]], *, whole: bool) -> Iterator[Mismatch]:
     yield from incomplete(before.label, [cell for cell, _ in pairs])
     yield from stopped(before.label, [cell for cell, _ in pairs])
     for cell, routes in pairs:
         yield from other_content(cell, routes)
     if whole:
         yield from not_driven(before.label, _LABEL, pairs)
-
-
-def _driven_otherwise(before: Fingerprint, after: Fingerprint, *, agent: str) -> Iterable[Mismatch]:
-    if after.versions:
-        yield from mismatches(before, after, agent=agent)
-    else:
-        yield from stuck_stops(before.stuck_stop_s, after.stuck_stop_s)
 
 
 def _nothing_in_common(before: Snapshot, planned: Collection[tuple[str, str]]) -> str:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import fmean
 
 from pytest_drive_robust.store.events import (
@@ -35,6 +35,8 @@ _USUAL_VERDICTS = 3
 """How many verdicts of this run say as much as what is usual."""
 
 _Ident = tuple[str, str, str, tuple[int, ...]]
+_Kind = tuple[str, str]
+"""An agent and a setting."""
 
 
 class LikelyEpisodes:
@@ -92,13 +94,16 @@ class EpisodeCosts:
 
     An episode costs what those of its agent under its setting cost on average. While few of these are known, what is
     usual counts as much as `_USUAL_WEIGHT` of them: the clean episodes of the agent, times `_USUAL_FACTOR` under a
-    failure.
+    failure. An earlier run may have had a machine that was slower or busier: its seconds count as many times as those
+    of this run turn out longer than it lets expect.
     """
 
     def __init__(self) -> None:
-        self._kinds: dict[str, tuple[str, str]] = {}
+        self._kinds: dict[str, _Kind] = {}
         self._baselines = {_CLEAN}
-        self._walls_s: dict[tuple[str, str], list[float]] = defaultdict(list)
+        self._driven_s: dict[_Kind, list[float]] = defaultdict(list)
+        self._stored_s: dict[_Kind, list[float]] = defaultdict(list)
+        self._compared: list[tuple[float, float]] = []
 
     def see(self, event: Event) -> None:
         """Take in an event."""
@@ -108,24 +113,47 @@ class EpisodeCosts:
             self._baselines.add(event.clean or _CLEAN)
         elif isinstance(event, Started):
             self._kinds.setdefault(event.key, (event.agent, event.setting))
-        elif isinstance(event, (Finished, Reused)) and event.key in self._kinds:
-            self._walls_s[self._kinds[event.key]].append(event.wall_s)
+        elif isinstance(event, Reused) and event.key in self._kinds:
+            self._stored_s[self._kinds[event.key]].append(event.wall_s)
+        elif isinstance(event, Finished) and event.key in self._kinds:
+            kind = self._kinds[event.key]
+            if any(walls and agent == kind[0] for (agent, _), walls in self._stored_s.items()):
+                self._compared.append((event.wall_s, self._costs(self._stored_s)[0].get(kind, 0.0)))
+            self._driven_s[kind].append(event.wall_s)
 
     def expected_s(self, keys: Iterable[str]) -> dict[str, float]:
         """Return the wall seconds that each of these episodes probably takes."""
+        longer = self._times_longer()
+        walls_s = {
+            kind: [*self._driven_s.get(kind, ()), *(longer * wall_s for wall_s in self._stored_s.get(kind, ()))]
+            for kind in {*self._driven_s, *self._stored_s}
+        }
+        costs, usual = self._costs(walls_s)
+        return {key: costs[self._kinds[key]] if key in self._kinds else usual for key in keys}
+
+    def _times_longer(self) -> float:
+        """Return how many times longer this run drives than the stored episodes let expect."""
+        if not self._compared:
+            return 1.0
+        took_s, expected_s = (math.fsum(column) for column in zip(*self._compared, strict=True))
+        usual_s = _USUAL_WEIGHT * expected_s / len(self._compared)
+        return (took_s + usual_s) / (expected_s + usual_s) if expected_s else 1.0
+
+    def _costs(self, walls_s: Mapping[_Kind, Sequence[float]]) -> tuple[dict[_Kind, float], float]:
+        """Return what each kind of episode costs where these are known, and what one of unknown kind does."""
         agents: dict[str, list[float]] = defaultdict(list)
-        for (agent, setting), walls in self._walls_s.items():
+        for (agent, setting), walls in walls_s.items():
             if setting in self._baselines:
                 agents[agent] += walls
         # An agent of which nothing is known may cost far more than one that is quick.
         usual = max(_mean((fmean(walls) for walls in agents.values() if walls), 0.0), _USUAL_EPISODE_S)
         costs = {}
         for agent, setting in set(self._kinds.values()):
-            walls = self._walls_s[agent, setting]
+            walls = walls_s.get((agent, setting), ())
             factor = 1.0 if setting in self._baselines else _USUAL_FACTOR
             prior = _USUAL_WEIGHT * factor * _mean(agents[agent], usual)
             costs[agent, setting] = (math.fsum(walls) + prior) / (len(walls) + _USUAL_WEIGHT)
-        return {key: costs[self._kinds[key]] if key in self._kinds else usual for key in keys}
+        return costs, usual
 
 
 class Pace:

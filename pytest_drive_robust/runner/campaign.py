@@ -119,12 +119,13 @@ class Campaign:
         """Drive what is missing and judge, for the record of the run.
 
         Raises `ComparisonError` when there is no number to judge and `UsageError` when the agent or the simulator
-        cannot be made; the record says so too.
+        cannot be made; the record says so too, and of whatever else is raised.
         """
         try:
             judgement = self.decide(requirement, scope, verdict_rule)
-        except DriveRobustError as error:
-            self.observer(not_judged(requirement, scope, nodeid, str(error)))
+        except Exception as error:
+            told = str(error) if isinstance(error, DriveRobustError) else f"{type(error).__name__}: {error}"
+            self.observer(not_judged(requirement, scope, nodeid, told))
             raise
         self.observer(judged(judgement.verdict, scope, nodeid))
         return judgement

@@ -13,6 +13,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
+from pytest_drive_robust.runner.episode.machine import library_versions
 from pytest_drive_robust.runner.executors import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -105,10 +106,10 @@ class Scopes:
         """Return the length of a tick of the run's simulator in seconds."""
         return self._simulator.dt_s
 
-    @property
-    def versions(self) -> Mapping[str, str]:
-        """Return what the run's simulator tells about itself before anything is driven."""
-        return {str(name): str(version) for name, version in self._simulator.versions().items()}
+    def versions_of(self, agent: str) -> Mapping[str, str]:
+        """Return the versions that episodes of the agent will tell, as far as they are known before any is driven."""
+        libraries = library_versions(self._registry.entry("agents", agent).load())
+        return {**libraries, **{str(name): str(version) for name, version in self._simulator.versions().items()}}
 
     def _identity(self, agent: str) -> str:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""

@@ -191,3 +191,24 @@ def test_a_run_that_was_interrupted_says_so(suite, monkeypatch):
     (note,) = json.loads((folder.path / "run.json").read_text())["notes"]
     assert note.startswith("the run was interrupted")
     assert "- the run was interrupted" in (folder.path / "summary.md").read_text()
+
+
+def test_whatever_breaks_while_judging_is_an_error_in_every_report(suite):
+    folder = suite("DS under clean >= 1")
+    conftest = folder.path / "conftest.py"
+    breaks = """
+
+import pytest_drive_robust.runner.campaign
+
+
+def evaluate(*args, **kwargs):
+    raise RuntimeError("a bug of ours")
+
+
+pytest_drive_robust.runner.campaign.evaluate = evaluate
+"""
+    conftest.write_text(conftest.read_text() + breaks)
+    result = folder.runpytest_subprocess("--drive-robust", "--drive-json", "run.json")
+    assert result.ret == 1
+    (judged,) = json.loads((folder.path / "run.json").read_text())["requirements"]
+    assert (judged["verdict"], judged["message"]) == ("error", "RuntimeError: a bug of ours")

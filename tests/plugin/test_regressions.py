@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import jsonschema
 import pytest
@@ -252,6 +253,20 @@ def test_another_version_of_the_simulator_is_refused(suite, driven):
     assert f"the simulator was fake (of last year) and is fake ({version})" in told
 
 
+def test_other_versions_are_refused_before_driving_where_that_was_asked_for(suite, driven):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    path = folder.path / ".drive-robust" / "runs" / "before.json"
+    document = stored(folder, "before")
+    (python,) = {episode["versions"]["python"] for episode in document["episodes"]}
+    for episode in document["episodes"]:
+        episode["versions"]["python"] = "3.0"
+    path.write_text(json.dumps(document))
+    assert run(folder, "--drive-compare=before").ret == 0
+    told = refused(folder, driven, "--drive-compare=before", "--drive-on-mismatch=refuse")
+    assert f"python was 3.0 and is {python}" in told
+
+
 def test_a_run_with_nothing_in_common_is_refused(both, driven):
     run(both, "--drive-save=before", "-k", "clean")
     told = refused(both, driven, "--drive-compare=before", "-k", "0.9")
@@ -276,6 +291,28 @@ def pytest_runtest_logreport(report):
     told = both.runpytest_subprocess("--drive-robust", "--drive-save=early").stdout.str()
     assert "stored as early, incomplete: run again before you compare with it" in told
     assert "next:" not in told
+
+
+BROKEN = "DS under throttle 0.9 >= 100"
+
+
+@processes
+def test_a_run_that_its_first_failure_ended_replaces_no_complete_one(suite, workers):
+    folder = suite(BROKEN, *(f"DS under throttle 0.{number} >= 1" for number in range(1, 9)))
+    run(folder, "--drive-save=before", *workers)
+    kept = stored(folder, "before")
+    told = run(folder, "--drive-save=before", "--drive-json=run.json", "-x", *workers).stdout.str()
+    assert "not stored: this run is incomplete, so the stored run before stays as it was" in told
+    assert stored(folder, "before") == kept
+    (note,) = json.loads((folder.path / "run.json").read_text())["notes"]
+    assert re.match(r"the run (ended early|was interrupted): requirements whose tests had not ended by then", note)
+
+
+def test_a_run_whose_last_test_failed_is_complete_with_x_too(suite):
+    folder = suite(ALSO, BROKEN)
+    result = run(folder, "--drive-save=before", "--drive-json=run.json", "-x")
+    result.stdout.fnmatch_lines(["stored as before; *"])
+    assert json.loads((folder.path / "run.json").read_text())["notes"] == []
 
 
 def test_a_run_whose_time_was_spent_is_no_reference(suite, driven):

@@ -43,8 +43,7 @@ class ExternalScopes(Scopes):
         """Bench2Drive's tick in seconds."""
         return TICK_S
 
-    @property
-    def versions(self) -> Mapping[str, str]:
+    def versions_of(self, agent: str) -> Mapping[str, str]:
         """Return nothing: only the episodes tell what drove them."""
         return {}
 

@@ -42,7 +42,7 @@ def with_machine(result: EpisodeResult, agent: object, world: Simulator) -> Epis
 
     `agent` is who drove, or its factory.
     """
-    return replace(result, versions={**_library_versions(agent), **result.versions, **machine_facts(agent, world)})
+    return replace(result, versions={**library_versions(agent), **result.versions, **machine_facts(agent, world)})
 
 
 def machine_facts(agent: object = None, world: object = None) -> Mapping[str, str]:
@@ -65,7 +65,7 @@ def machine_facts(agent: object = None, world: object = None) -> Mapping[str, st
     }
 
 
-def _library_versions(agent: object) -> Mapping[str, str]:
+def library_versions(agent: object) -> Mapping[str, str]:
     """Return the versions that the keys of the agent's episodes hold."""
     modules = computing_modules(agent)
     if modules is None:

@@ -155,17 +155,27 @@ def suites(rule: str) -> list[tuple[Requirement, Scope, VerdictRule]]:
     ]
 
 
-def replay(tests: Iterable[tuple[Requirement, Scope, VerdictRule]], *, resumes: bool = False, **pace: Any) -> Told:
-    """What a run of these tests says; one that `resumes` finds the clean episodes in its store."""
+def replay(
+    tests: Iterable[tuple[Requirement, Scope, VerdictRule]],
+    *,
+    resumes: bool = False,
+    stored_times: float | None = None,
+    **pace: Any,
+) -> Told:
+    """What a run of these tests says; one that `resumes` finds the clean episodes in its store.
+
+    With `stored_times` those took so many times as long as recorded, in place of as long as this run takes.
+    """
     clock = Clock()
     told = Told(clock)
     executor, store = Replayed(clock, **pace), MemoryStore()
+    earlier = executor if stored_times is None else Replayed(clock, slots=1, times=stored_times)
     campaign = Campaign(store, executor, told, metrics="bench2drive")
     tests = list(tests)
     requests = {key: request for item, scope, _ in tests for key, request in scope.plan([item]).items()}
     for key, request in requests.items():
         if resumes and request.episode.setting == "clean":
-            store.put(key, executor.result(request))
+            store.put(key, earlier.result(request))
     campaign.planned(requests, [scope.verdict_plan(requirement, rule) for requirement, scope, rule in tests])
     for number, (requirement, scope, rule) in enumerate(tests):
         campaign.judge(requirement, scope, rule, nodeid=str(number))
@@ -211,6 +221,13 @@ def test_a_run_that_goes_on_knows_what_an_episode_takes() -> None:
     told = replay(suites("point"), resumes=True, slots=2, times=8.0)
     end_s = told.clock.now_s
     assert [(end_s - now_s, text) for now_s, text in told.texts if not is_true(text, end_s - now_s)] == []
+
+
+@pytest.mark.parametrize("stored_times", [0.3, 4.0])
+def test_a_run_that_goes_on_at_another_speed_learns_it_from_ten_episodes(stored_times: float) -> None:
+    told = replay(suites("point"), resumes=True, stored_times=stored_times, slots=2)
+    end_s = told.clock.now_s
+    assert [(end_s - now_s, text) for now_s, text in told.texts[9:] if not is_true(text, end_s - now_s)] == []
 
 
 def test_the_expected_count_of_episodes_is_right_by_a_quarter_from_the_start() -> None:
