@@ -15,12 +15,15 @@ class JournalWriter:
         journals = folder / "journals"
         journals.mkdir(parents=True, exist_ok=True)
         self._file = (journals / f"{name}.jsonl").open("ab", buffering=0)
+        self._cut = self._file.tell() > 0
 
     def __call__(self, event: Event) -> None:
-        """Append one event. Raises `OSError`."""
-        rest = memoryview(event_to_json(event).encode() + b"\n")
+        """Append one event, on a line of its own also where the one before was cut off. Raises `OSError`."""
+        rest = memoryview(b"\n" * self._cut + event_to_json(event).encode() + b"\n")
+        self._cut = True
         while rest:
             rest = rest[self._file.write(rest) :]
+        self._cut = False
 
     def close(self) -> None:
         """Close the file."""

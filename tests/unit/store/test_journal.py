@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import pytest
+
 from pytest_drive_robust.store.events import (
     EpisodesNeeded,
     Finished,
@@ -43,11 +45,29 @@ def test_a_line_whose_writer_died_is_left_out_and_what_comes_behind_it_is_read(t
         file.write(b'{"event": "Finished", "key": "a')
     assert reader.read() == EVENTS[:1]
     later = JournalWriter(tmp_path, name="gw0")
-    for event in EVENTS[1:3]:  # the first one stands in the line that was cut off
+    for event in EVENTS[1:3]:
         later(event)
     later.close()
-    assert reader.read() == EVENTS[2:3]
-    assert JournalReader(tmp_path).read() == [EVENTS[0], EVENTS[2]]
+    assert reader.read() == EVENTS[1:3]
+    assert JournalReader(tmp_path).read() == EVENTS[:3]
+
+
+def test_an_event_behind_one_that_a_full_disk_cut_off_is_read(tmp_path, monkeypatch):
+    writer = JournalWriter(tmp_path, name="gw0")
+    file, taken = writer._file, iter([7, 0])
+
+    def write(data):
+        size = next(taken)
+        if not size:
+            raise OSError("the disk is full")
+        return file.write(data[:size])
+
+    with monkeypatch.context() as full, pytest.raises(OSError, match="full"):
+        full.setattr(writer, "_file", SimpleNamespace(write=write))
+        writer(EVENTS[0])
+    writer(EVENTS[1])
+    writer.close()
+    assert JournalReader(tmp_path).read() == EVENTS[1:2]
 
 
 def test_a_line_that_the_system_takes_in_parts_is_whole(tmp_path, monkeypatch):
