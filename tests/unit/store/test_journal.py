@@ -62,9 +62,10 @@ def test_an_event_behind_one_that_a_full_disk_cut_off_is_read(tmp_path, monkeypa
             raise OSError("the disk is full")
         return file.write(data[:size])
 
-    with monkeypatch.context() as full, pytest.raises(OSError, match="full"):
+    with monkeypatch.context() as full:
         full.setattr(writer, "_file", SimpleNamespace(write=write))
-        writer(EVENTS[0])
+        with pytest.raises(OSError, match="full"):
+            writer(EVENTS[0])
     writer(EVENTS[1])
     writer.close()
     assert JournalReader(tmp_path).read() == EVENTS[1:2]
