@@ -24,8 +24,8 @@ have); the memory is 0.5 s old at run time too.
 The wrapper is that of Bench2DriveZoo's `uniad_b2d_agent.py`: raw GPS, a route planner that drops points by it, the can
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no throttle above a
 speed (5 m/s), the brake dropped where the throttle is larger. Gains and target rules are the published ones; those of
-`tuning="ours"` were found for a plain car (`_wrappers.tuning`). By the published it passes 4 of the 44 routes of
-`one-per-scenario`, by ours 11; perfect waypoints pass 16 by the published.
+`tuning="ours"` were found for a plain car (`_wrappers.tuning`). By the published it passes 9 of the 44 routes of
+`one-per-scenario`; perfect waypoints pass 16.
 """
 
 from __future__ import annotations

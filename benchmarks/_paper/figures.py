@@ -109,7 +109,7 @@ def _heat_text(axes: Axes, x: int, y: int, cell: _Cell) -> None:
     lift = 0.15 if isinstance(cell, IntervalEstimate) else 0.0
     axes.text(x, y - lift, _two_digits(_value(cell)), ha="center", va="center", color=colour)
     if isinstance(cell, IntervalEstimate):
-        interval = f"{_two_digits(cell.low)} to {_two_digits(cell.high)}"
+        interval = f"{cell.low:.2f} to {cell.high:.2f}"  # the sign of -0.00 tells that it holds 0
         axes.text(x, y + 0.24, interval, ha="center", va="center", color=colour, fontsize=7.5)
 
 

@@ -342,7 +342,8 @@ def _shown(estimate: IntervalEstimate | None, digits: str, factor: float = 1.0) 
 
 
 def _range(estimate: IntervalEstimate, digits: str, factor: float = 1.0) -> str:
-    return f"{_number(estimate.low, digits, factor)} to {_number(estimate.high, digits, factor)}"
+    """Return the ends; one that is rounded to zero keeps its sign, which tells whether the interval holds 0."""
+    return f"{factor * estimate.low:{digits}} to {factor * estimate.high:{digits}}"
 
 
 def _number(value: IntervalEstimate | float | None, digits: str, factor: float = 1.0) -> str:
