@@ -18,7 +18,7 @@ def borrowed_generators(text: str) -> Iterator[None]:
     import numpy.random
 
     python, numbers, late_seed, torch = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed, _torch()
-    state = None if torch is None else torch.get_rng_state()
+    state = None if torch is None else _state_of(torch)
     seed_generators(text)
     try:
         yield
@@ -31,7 +31,7 @@ def borrowed_generators(text: str) -> Iterator[None]:
         elif state is None and late_seed is not None:  # what is around us waited for it, too
             torch.manual_seed(late_seed)
         else:
-            torch.set_rng_state(_LATE_TORCH.first_state if state is None else state)
+            _put_back(torch, _LATE_TORCH.first_state if state is None else state)
 
 
 def seed_generators(text: str) -> None:
@@ -52,6 +52,20 @@ def _torch() -> Any:
     return sys.modules.get("torch")
 
 
+def _state_of(torch: Any) -> tuple[Any, Any]:
+    """Return the state of the generator of the CPU, and those of CUDA devices; None while nobody can draw from them."""
+    return torch.get_rng_state(), torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else None
+
+
+def _put_back(torch: Any, state: tuple[Any, Any]) -> None:
+    cpu, cuda = state
+    torch.set_rng_state(cpu)
+    if cuda is None:  # it was seeded with the CPU, and nobody drew since
+        torch.cuda.manual_seed_all(torch.initial_seed())
+    else:
+        torch.cuda.set_rng_state_all(cuda)
+
+
 class _LateTorch:
     """Has torch seeded as soon as it is loaded. `first_state` is how it came."""
 
@@ -70,7 +84,7 @@ class _LateTorch:
             self._import.wait()
 
     def _seed(self, torch: Any) -> None:
-        self.first_state = torch.get_rng_state()
+        self.first_state = _state_of(torch)
         torch.manual_seed(self.seed)
 
 
