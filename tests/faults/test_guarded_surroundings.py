@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from guarded_worlds import alive, gone_within, request
+from guarded_worlds import FAKE, alive, gone_within, request
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
@@ -91,6 +91,19 @@ def test_the_global_generators_start_alike_whatever_was_driven_before(
     assert alone.outcome is Outcome.COMPLETED
     assert again.trace.digest == alone.trace.digest
     assert other.drive(request("Draws", seed=3)).trace.digest != alone.trace.digest
+
+
+def test_strings_have_the_same_hashes_in_every_run_unless_the_user_says_otherwise(
+    make_supervisor: Callable[..., Supervisor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def driven() -> str:
+        return make_supervisor(simulator=FAKE).drive(request("DrivesByHashes")).trace.digest
+
+    monkeypatch.delenv("PYTHONHASHSEED", raising=False)
+    usual = driven()
+    assert driven() == usual
+    monkeypatch.setenv("PYTHONHASHSEED", "77")
+    assert driven() != usual
 
 
 def test_what_is_printed_is_kept_only_at_its_end(make_supervisor: Callable[..., Supervisor]) -> None:
