@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import random
 import sys
 from collections.abc import Iterator
@@ -180,3 +180,12 @@ def test_an_agent_that_brings_torch_and_draws_on_a_gpu_moves_no_draw() -> None:
         drawn = torch.draw()
     with borrowed_generators("an episode"):
         assert torch.draw() == drawn
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_who_asks_whether_there_is_a_torch_and_then_imports_it_has_it_seeded_and_put_back() -> None:
+    with borrowed_generators("an episode"):
+        assert importlib.util.find_spec("torch") is not None
+        torch = importlib.import_module("torch")
+        assert len(torch.seeds) == 2
+    assert torch.seeds[-1] == "first"
