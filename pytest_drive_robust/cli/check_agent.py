@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
-from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.registry.registry import AgentFactory, default_registry
+from pytest_drive_robust.runner.cache_key.identity import agent_identity
+from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.testing import check_agent
@@ -27,14 +30,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _check_agent(options: argparse.Namespace) -> int:
     check_seeds([options.seed], source="--seed")
     registry = default_registry()
-    registry.agent(options.agent)  # an unknown name is said at once, before a world is built
+    make_agent(registry, options.agent)  # an unknown name is said at once, before a world is built
+    agent_identity(options.agent, registry)  # and weights that are not there
+    factory = cast("AgentFactory", registry.entry("agents", options.agent).load())
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
     routes = routes_for(options.routes or default_spec(DEFAULT_ROUTES, simulator, given=False), simulator)
     kept = True
     try:
         for number, route in enumerate(routes if options.routes else routes[:1], start=1):
             report = check_agent(
-                lambda: registry.agent(options.agent),
+                factory,
                 simulator=simulator,
                 route=route,
                 other_route=routes[number % len(routes)],

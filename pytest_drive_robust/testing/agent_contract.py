@@ -13,7 +13,9 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
-from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.errors import AgentError, UsageError
+from pytest_drive_robust.runner.cache_key.declared import undeclared
+from pytest_drive_robust.runner.cache_key.identity import weights_digest
 from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, blame
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -103,7 +105,7 @@ class _Trial:
         return Check("methods", True, "sensors, reset and act are there.")
 
     def declarations(self) -> Check:
-        """Check that `consumes` holds names of signals and `privileged` is a bool."""
+        """Check that `consumes` holds names of signals, `privileged` is a bool, and what decides keys can be known."""
         agent = self.factory()
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
@@ -114,6 +116,16 @@ class _Trial:
         unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
         if unknown:
             return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
+        # a lambda around the class says nothing, as it is no part of a run
+        late = sorted({*undeclared(agent, self.factory)} & {*undeclared(agent, type(agent))})
+        if late:
+            told = f"{' and '.join(late)} of the object are not those of the class or factory: no key has them."
+            return Check("declarations", False, f"{told} Set them in the body of the class, not in __init__.")
+        try:
+            for owner in (type(agent), self.factory):
+                weights_digest(getattr(owner, "weights", ()), agent=type(agent).__name__)
+        except UsageError as error:
+            return Check("declarations", False, str(error))
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
 
     def controls(self) -> Check:

@@ -132,6 +132,24 @@ def test_wrong_declarations_are_told(name: str, value: object, told: str) -> Non
     assert told in report["declarations"].sentence
 
 
+def test_weights_that_are_not_there_are_told() -> None:
+    missing = type("Missing", (Good,), {"weights": ("no-such-file.pt",)})
+    for factory in (missing, lambda: missing()):
+        report = check_agent(factory)
+        assert failed(report) == ["declarations"]
+        assert "'no-such-file.pt', which cannot be read" in report["declarations"].sentence
+
+
+def test_weights_that_only_the_object_names_are_told() -> None:
+    class Late(Good):
+        def __init__(self) -> None:
+            self.weights = [__file__]
+
+    report = check_agent(Late)
+    assert failed(report) == ["declarations"]
+    assert "in the body of the class, not in __init__" in report["declarations"].sentence
+
+
 @pytest.mark.parametrize(
     ("act", "told"),
     [
