@@ -102,8 +102,8 @@ def check_sentences(cls: type[Spoken], others: Iterable[type[Spoken]]) -> None:
         lines = form.text.splitlines()
         if len(lines) > 1 or _ENDS_A_SETTING.search(form.text) or form.text.strip().lower() == CLEAN:
             raise PerturbationError(
-                f"the phrase {form.text!r} of {cls.__name__} can stand in no requirement: expected one line that is not "
-                f"{CLEAN!r}, without '#', '<=' and '>='."
+                f"the phrase {form.text!r} of {cls.__name__} can stand in no requirement: expected one line that is "
+                f"not {CLEAN!r}, without '#', '<=' and '>='."
             )
         try:
             shown = [part[1:] for part in string.Formatter().parse(form.text) if part[1] is not None]
