@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.options.parsers import check_seeds
+from pytest_drive_robust.options.option import GivenText
+from pytest_drive_robust.options.parsers import check_seeds, time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
-from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.registry.registry import AgentFactory, default_registry
+from pytest_drive_robust.runner.cache_key.identity import agent_identity
+from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for
 from pytest_drive_robust.testing import check_agent
 
 _TICK_CAP = 200
+_NAME_COLUMNS = len("declarations")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,28 +25,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     add_pytest_option(parser, "--sim")
+    add_pytest_option(parser, "--act-timeout")
     parser.add_argument("--routes", metavar="SET", help="a set (full, one-per-scenario, dev10), a file, or FILE:id,id")
     parser.set_defaults(command=_check_agent)
 
 
 def _check_agent(options: argparse.Namespace) -> int:
     check_seeds([options.seed], source="--seed")
+    act_timeout_s = time_limit_s(GivenText("--act-timeout", options.act_timeout))
     registry = default_registry()
-    registry.agent(options.agent)  # an unknown name is said at once, before a world is built
+    make_agent(registry, options.agent)  # an unknown name is said at once, before a world is built
+    agent_identity(options.agent, registry)  # and weights that are not there
+    factory = cast("AgentFactory", registry.entry("agents", options.agent).load())
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
     routes = routes_for(options.routes or default_spec(DEFAULT_ROUTES, simulator, given=False), simulator)
     kept = True
     try:
         for number, route in enumerate(routes if options.routes else routes[:1], start=1):
+            subject = f"{options.agent} on {route.label}"
+            print(f"{subject}:", flush=True)
             report = check_agent(
-                lambda: registry.agent(options.agent),
+                factory,
                 simulator=simulator,
                 route=route,
                 other_route=routes[number % len(routes)],
                 seed=options.seed,
-                subject=f"{options.agent} on {route.label}",
+                subject=subject,
+                act_timeout_s=act_timeout_s,
+                told=lambda check: print(check.line(_NAME_COLUMNS), flush=True),
             )
-            print(report)
+            print(report.verdict)
             kept = kept and report.ok
     finally:
         simulator.close()

@@ -10,12 +10,13 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
+from pytest_drive_robust.regression.proposed_limits import ProposedLimit, kept_requirements, propose_limits
 from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
-it as a verdict from evidence needs on so many routes. A limit states what you need, not what the agent does: review the
+it as a verdict from evidence needs on so many routes. Requirements for which no limit is proposed, as those on metrics
+of your own, are kept as they are. A limit states what you need, not what the agent does: review the
 file, tighten what matters, commit it."""
 
 _FEW_ROUTES = 12
@@ -48,13 +49,15 @@ def _limits(options: argparse.Namespace) -> int:
         perturbations=default_registry().perturbations(),
         rule=rule,
     )
+    kept = kept_requirements(document.get("requirements", ()), options.agent, found)
     head = (
         f"# proposed by drive-robust limits: what {options.agent} showed, and the distance that evidence needs with a "
         f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"
     )
     with refusing_unwritable(path):
-        path.write_text(head + "".join(map(_line, found)), encoding="utf-8")
-    say(f"{path}: {len(found)} limits. Review them, then commit the file.")
+        path.write_text(head + "".join([*map(_line, found), *map(_kept_line, kept)]), encoding="utf-8")
+    also = f" and {len(kept)} more of the run's requirements, as they were" if kept else ""
+    say(f"{path}: {len(found)} limits{also}. Review them, then commit the file.")
     fewest = min(item.routes for item in found)
     if fewest < _FEW_ROUTES:
         routes = "route" if fewest == 1 else "routes"
@@ -69,3 +72,7 @@ def _line(item: ProposedLimit) -> str:
     metric = item.requirement.metric
     value = metric.format(round(item.value, 6) + 0.0)  # no minus zero
     return f"{item.requirement!s:50}  # showed {value} on {item.routes} routes, {metric.format(item.spare)} to spare\n"
+
+
+def _kept_line(sentence: str) -> str:
+    return f"{sentence:50}  # kept as it was: no limit is proposed for it\n"

@@ -23,13 +23,14 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import check_seeds, seconds
-from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.perturbations.base import RunningStack, Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import Tape, record_episode
+from pytest_drive_robust.runner.scopes import check_severities
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 from pytest_drive_robust.simulators.routes import own_routes, routes_for
@@ -96,10 +97,11 @@ def _replay(options: argparse.Namespace) -> int:
     simulator = registry.simulator(options.sim, SimulatorOptions(stuck_stop_s=stuck_stop_s, **caps))
     try:
         route = _route(options, wanted.route, simulator)
-        running = wanted.setting.start(route_id=route.id, seed=0, dt_s=simulator.dt_s, cameras=())  # or say why not
+        check_severities(wanted.setting, simulator.dt_s)
         again = options.stored_controls and wanted.stored is not None
         tapes = [_drive_again(simulator, wanted, route)] if again else _drive(registry, simulator, wanted, route)
-        same = _compare(tapes, wanted, route, before, measured=running.measures_inference)
+        measured = RunningStack(wanted.setting.perturbations).measures_inference
+        same = _compare(tapes, wanted, route, before, measured=measured)
         if target is not None:
             _film(tapes, target)
     finally:

@@ -61,6 +61,7 @@ class Perturbation:
       `("gain", (0.9, 0.5, 0.1))`. `("ms", "ticks")` steps by whole ticks in milliseconds, up to a second.
     * `readings` are the switches that a reading sets, where the readings differ:
       `{"released": {"length": "uniform"}}` (see `perturbations.readings`).
+    * `files` names what it reads: when the content changes, its episodes are driven anew.
     * `idle_reason` says why it may have changed nothing.
     """
 
@@ -69,6 +70,7 @@ class Perturbation:
     example: ClassVar[Mapping[str, object]] = {}
     ladder: ClassVar[tuple[str, tuple[float, ...] | Literal["ticks"]] | None] = None
     readings: ClassVar[Mapping[str, Mapping[str, object]]] = {}
+    files: ClassVar[Sequence[str | os.PathLike[str]]] = ()
 
     def __init_subclass__(cls, **options: object) -> None:
         """Give a class its own sentence: two failures with one would be driven and stored as the same."""

@@ -30,6 +30,8 @@ _READING = "reading"
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
 _BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
 _VALUE = r'"(?:[^"\\]|\\.)*"|[^\s()",=]+'
+_ENDS_A_SETTING = re.compile(r"[#≤≥]|<=|>=")
+"""In the sentence of a requirement, as the end of its line does."""
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _WORD = re.compile(r"[A-Za-z_][\w.+-]*", re.ASCII)
 _CONSTANTS = {"true": True, "false": False, "none": None}
@@ -97,6 +99,12 @@ class Template(Generic[_S]):
 def check_sentences(cls: type[Spoken], others: Iterable[type[Spoken]]) -> None:
     """Raise `PerturbationError` for sentence forms that cannot be read back, or that another class has as well."""
     for form in templates_of(cls):
+        lines = form.text.splitlines()
+        if len(lines) > 1 or _ENDS_A_SETTING.search(form.text) or form.text.strip().lower() == CLEAN:
+            raise PerturbationError(
+                f"the phrase {form.text!r} of {cls.__name__} can stand in no requirement: expected one line that is "
+                f"not {CLEAN!r}, without '#', '<=' and '>='."
+            )
         try:
             shown = [part[1:] for part in string.Formatter().parse(form.text) if part[1] is not None]
         except ValueError as error:

@@ -25,6 +25,16 @@ class ConfiguredFactory(functools.partial[Any]):
     def __getattr__(self, name: str) -> Any:
         return getattr(self.func, name)
 
+    @property
+    def weights(self) -> Any:
+        """The files that the factory names, and those that its options name."""
+        named: Any = getattr(self.func, "weights", None)
+        chosen = [value for value in self.keywords.values() if isinstance(value, str) and os.path.isfile(value)]
+        if not chosen or not isinstance(named, (list, tuple, str, os.PathLike, type(None))):
+            return named
+        several = list(named) if isinstance(named, (list, tuple)) else [] if named is None else [named]
+        return [*several, *chosen]
+
     def check(self) -> None:
         """Call the factory's own `check`, where it has one, with those of the options that it takes."""
         check = getattr(self.func, "check", None)

@@ -9,10 +9,10 @@ fewer routes than evidence takes is judged by its value; there the distance is o
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
-from typing import cast
+from typing import Any, cast
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -74,6 +74,21 @@ def propose_limits(
             f"clean and under failures, and a clean driving score of {rule.clean_floor:g} or more."
         )
     return tuple(found)
+
+
+def kept_requirements(
+    stated: Iterable[Mapping[str, Any]], agent: str, proposed: Sequence[ProposedLimit]
+) -> tuple[str, ...]:
+    """Return the sentences of a run's requirements on `agent`, as its document has them, that no proposal replaces."""
+    replaced = {(str(item.requirement.metric), str(item.requirement.setting)) for item in proposed}
+    sentences = [
+        str(item["requirement"])
+        for item in stated
+        if item["agent"] == agent
+        # a margin names a metric and a setting, too, and is no limit of them
+        if (item["metric"], item["setting"]) not in replaced or not item["requirement"].startswith(f"{item['metric']} ")
+    ]
+    return tuple(dict.fromkeys(sentences))
 
 
 def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule) -> ProposedLimit | None:

@@ -53,12 +53,22 @@ def columns_of(run: RunResult) -> tuple[str, ...]:
     Where rows rest on few routes DS and RD come with their intervals. These and other metrics take the place of
     efficiency and comfort unless a requirement asks for them.
     """
-    judged = dict.fromkeys(name for row in run.rows for name in row.judged)
-    others = [name for name in judged if name not in _COLUMNS][:_MOST_OTHERS]
+    judged = _judged(run)
+    others = _others(run)[:_MOST_OTHERS]
     if not others and not any(row.is_partial for row in run.rows):
         return _COLUMNS
     usual = [name for name in _COLUMNS if name in _NARROW_COLUMNS or name in judged]
     return (*usual[:-1], *others, usual[-1])
+
+
+def _judged(run: RunResult) -> list[str]:
+    """Return the metrics that requirements name, each once."""
+    return list(dict.fromkeys(name for row in run.rows for name in row.judged))
+
+
+def _others(run: RunResult) -> list[str]:
+    """Return those of them that have no column of their own in every table."""
+    return [name for name in _judged(run) if name not in _COLUMNS]
 
 
 def _numbers(row: SettingRow, columns: Sequence[str]) -> list[str]:
@@ -90,6 +100,9 @@ def _between(interval: tuple[float, float] | None, form: Callable[[float], str])
 def footnotes(run: RunResult) -> list[str]:
     """Return what the table alone would not say, a sentence each."""
     lines = []
+    left_out = _others(run)[_MOST_OTHERS:]
+    if left_out:
+        lines.append(f"no column is left for {', '.join(left_out)}: --drive-json FILE has the values")
     if any(row.privileged for row in run.rows):
         lines.append("* privileged: this agent sees ground truth")
     if any(len(row.results) < row.needed for row in run.rows):

@@ -20,6 +20,7 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.declared import require_declared
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
 from pytest_drive_robust.runner.episode.machine import with_machine
@@ -248,7 +249,10 @@ def make_agent(registry: Registry, name: str) -> Agent:
 
     The global generators are seeded by the agent's name alone meanwhile. Not by the episode: one object is kept for
     many, and which of them comes first depends on the order, the number of processes and what is stored already. One
-    that is made anew after an error must be the one that it replaces. Raises `UsageError` when it cannot be made.
+    that is made anew after an error must be the one that it replaces. Raises `UsageError` when it cannot be made, or
+    says of itself what decides its keys and its factory does not say.
     """
     with borrowed_generators(f"making {name}"):
-        return registry.agent(name)
+        agent = registry.agent(name)
+    require_declared(name, agent, registry.entry("agents", name).load())
+    return agent

@@ -26,6 +26,21 @@ def simulator_options(options: RunOptions) -> SimulatorOptions:
     return SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
 
 
+def check_severities(setting: Setting, dt_s: float) -> None:
+    """Raise `PerturbationError` for a severity that a tick of `dt_s` seconds cannot show.
+
+    Nobody knows the route and the cameras yet. A `reset` that wants them may raise anything: episodes, which have
+    them, tell what it raises there.
+    """
+    for perturbation in setting.perturbations:
+        try:
+            Setting.of(perturbation).start(route_id="", seed=0, dt_s=dt_s, cameras=())
+        except UsageError:  # noqa: PERF203 - one that raises hides no other
+            raise
+        except Exception:
+            continue
+
+
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.
 
@@ -87,7 +102,7 @@ class Scopes:
 
     def check_setting(self, setting: Setting) -> None:
         """Raise `PerturbationError` for a severity that the simulator's tick cannot show, such as 20 ms at 20 Hz."""
-        setting.start(route_id="", seed=0, dt_s=self._simulator.dt_s, cameras=())
+        check_severities(setting, self.dt_s)
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""

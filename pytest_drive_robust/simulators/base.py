@@ -53,9 +53,10 @@ class Simulator(Protocol):
     names those that are driven when `--drive-routes` is not given. It raises `UnknownNameError`.
 
     Stored episodes are driven again when the code of the world's own package changes; an optional `sources` names
-    modules elsewhere whose code counts, too. `versions` and `version` are asked for before the first `reset`. An
-    optional `portable_bits`, True, promises the same episode to the last bit on every machine, with every version of
-    Python and of the libraries that `versions` does not tell.
+    modules elsewhere whose code counts, too, and an optional `files` the files whose content does. `versions` and
+    `version` are asked for before the first `reset`. An optional `portable_bits`, True, promises the same
+    episode to the last bit on every machine, with every version of Python and of the libraries that `versions` does not
+    tell.
     """
 
     name: str

@@ -13,7 +13,9 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
-from pytest_drive_robust.errors import AgentError
+from pytest_drive_robust.errors import AgentError, UsageError
+from pytest_drive_robust.runner.cache_key.declared import undeclared
+from pytest_drive_robust.runner.cache_key.identity import weights_digest
 from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, blame
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -21,6 +23,7 @@ from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport, attempt
+from pytest_drive_robust.testing.time_limit import with_time_limit
 
 _EPISODE_TICKS = 120
 _OTHER_LENGTH_M = 45.0
@@ -41,19 +44,26 @@ def check_agent(
     other_route: Route | None = None,
     seed: int = 0,
     subject: str = "",
+    act_timeout_s: float | None = None,
+    told: Callable[[Check], object] = lambda check: None,
 ) -> ContractReport:
     """Drive a few episodes and tell which promises of the contract hold.
 
     `agent_factory` makes a new agent on every call. Without `simulator` and `route`, the agent drives 120 ticks of
     `FakeSimulator`; give your own for an agent that needs a real scene. `other_route` is what the agent drives in
-    between when we look whether `reset` forgets (the same route with another seed when it is left out). Nothing is
-    raised for what the agent does.
+    between when we look whether `reset` forgets (the same route with another seed when it is left out). `told` is
+    given each check as soon as it is known. A call of the agent may take `act_timeout_s` seconds; as that takes
+    signals, it is for the main thread, and not for Windows. Nothing is raised for what the agent does.
     """
     world = simulator or FakeSimulator(SimulatorOptions(tick_cap=_EPISODE_TICKS))
     name = subject or getattr(agent_factory, "__name__", type(agent_factory).__name__)
     other = other_route or route or fake_route("2", length_m=_OTHER_LENGTH_M)
-    trial = _Trial(agent_factory, world, route or fake_route(), other, seed)
-    return ContractReport(name, tuple(trial.checks()))
+    trial = _Trial(agent_factory, world, route or fake_route(), other, seed, act_timeout_s)
+    checks = []
+    for check in trial.checks():
+        told(check)
+        checks.append(check)
+    return ContractReport(name, tuple(checks))
 
 
 @dataclass
@@ -65,6 +75,12 @@ class _Trial:
     route: Route
     other: Route
     seed: int
+    act_timeout_s: float | None
+
+    def make(self) -> Agent:
+        """Return a new agent."""
+        agent = self.factory()
+        return agent if self.act_timeout_s is None else with_time_limit(agent, self.act_timeout_s)
 
     def checks(self) -> Iterator[Check]:
         """Return every check in order; those that need a contract already broken are left out."""
@@ -94,7 +110,7 @@ class _Trial:
     def methods(self) -> Check:
         """Check that the factory gives an object with the three methods."""
         try:
-            agent = self.factory()
+            agent = self.make()
         except BLAMED as error:
             return Check("methods", False, f"{blame('the factory', error)}.")
         missing = [name for name in _METHODS if not callable(getattr(agent, name, None))]
@@ -103,8 +119,8 @@ class _Trial:
         return Check("methods", True, "sensors, reset and act are there.")
 
     def declarations(self) -> Check:
-        """Check that `consumes` holds names of signals and `privileged` is a bool."""
-        agent = self.factory()
+        """Check that `consumes` holds names of signals, `privileged` is a bool, and what decides keys can be known."""
+        agent = self.make()
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
             return Check("declarations", False, f"privileged is {privileged!r}, expected True or False.")
@@ -114,11 +130,21 @@ class _Trial:
         unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
         if unknown:
             return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
+        # a lambda around the class says nothing, as it is no part of a run
+        late = sorted({*undeclared(agent, self.factory)} & {*undeclared(agent, type(agent))})
+        if late:
+            told = f"{' and '.join(late)} of the object are not those of the class or factory: no key has them."
+            return Check("declarations", False, f"{told} Set them in the body of the class, not in __init__.")
+        try:
+            for owner in (type(agent), self.factory):
+                weights_digest(getattr(owner, "weights", ()), agent=type(agent).__name__)
+        except UsageError as error:
+            return Check("declarations", False, str(error))
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
 
     def controls(self) -> Check:
         """Drive and record an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
-        self.record, result = self.drive(self.factory(), self.seed)
+        self.record, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
             return Check("controls", False, f"{_told(result)}.")
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
@@ -134,7 +160,7 @@ class _Trial:
 
     def determinism(self) -> Check:
         """Check that two new agents with the same seed drive the same."""
-        again, result = self.drive(self.factory(), self.seed)
+        again, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
             return Check("determinism", False, f"a second agent with seed {self.seed} breaks: {_told(result)}.")
         tick = first_difference(self.record.controls, again.controls)
@@ -147,7 +173,7 @@ class _Trial:
 
     def reset(self) -> Check:
         """Check that one object that has driven other episodes drives this one like a new object, and so once more."""
-        agent = self.factory()
+        agent = self.make()
         _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
         if result.outcome in _BROKEN:
             return Check("reset", False, f"an episode on {self.other.label} breaks: {_told(result)}.")
@@ -175,7 +201,7 @@ class _Trial:
 
     def consumes(self) -> Check:
         """Check that signals that are not declared do not change the controls."""
-        agent = self.factory()
+        agent = self.make()
         undeclared = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
         expected = self.feed(lambda observation: observation)
         for signal in undeclared:
@@ -189,7 +215,7 @@ class _Trial:
 
     def privileged(self) -> Check:
         """Check that ground truth changes the controls of those that ask for it, and of nobody else."""
-        if not getattr(self.factory(), "privileged", False):
+        if not getattr(self.make(), "privileged", False):
             with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
             if first_difference(self.feed(lambda observation: observation), with_truth) is not None:
                 return Check("privileged", False, "the agent reads observation.truth: declare privileged = True.")
@@ -204,7 +230,7 @@ class _Trial:
 
     def plan(self) -> Check:
         """Check that `plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
-        agent = self.factory()
+        agent = self.make()
         plan = getattr(agent, "plan", None)
         if plan is None:
             return Check("plan", True, "there is no plan() to show, and none is needed.")
@@ -229,16 +255,16 @@ class _Trial:
 
     def lockstep(self) -> Check:
         """Check that `act_batch`, where there is one, is `act` for many, and no row depends on its company."""
-        agents = [self.factory() for _ in range(_LOCKSTEP_ROWS)]
+        agents = [self.make() for _ in range(_LOCKSTEP_ROWS)]
         if not offers_lockstep(agents[0]):
             return Check("lockstep", True, "there is no act_batch(), and none is needed.")
         assert self.record.plan is not None  # the recorded episode began with reset
         seen = self.record.observations[:: max(len(self.record.observations) // _LOCKSTEP_OBSERVATIONS, 1)]
         recording = Recording(self.record.plan, self.seed, tuple(seen))
-        problem = check_lockstep(self.factory, [recording])
+        problem = check_lockstep(self.make, [recording])
         if problem is not None:
             return Check("lockstep", False, problem)
-        singly = feed(self.factory(), seen, plan=recording.plan, seed=self.seed)
+        singly = feed(self.make(), seen, plan=recording.plan, seed=self.seed)
         for agent in agents:
             agent.reset(recording.plan, self.seed)
         together = [agent_act_batch(agents, [moment.private() for _ in agents])[0] for moment in seen]
@@ -250,7 +276,7 @@ class _Trial:
     def feed(self, change: Callable[[Observation], Observation]) -> list[Control]:
         """Return a new agent's controls for the recorded observations."""
         assert self.record.plan is not None  # the recorded episode began with reset
-        agent = self.factory()
+        agent = self.make()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
 
 

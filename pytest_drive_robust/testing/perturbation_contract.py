@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, RunningStack, Setting
 from pytest_drive_robust.perturbations.context import EpisodeContext
-from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
@@ -75,6 +75,7 @@ def _class(perturbation: Perturbation) -> Check:
 
 def _sentence(perturbation: Perturbation) -> Check:
     try:
+        check_sentences(type(perturbation), ())
         sentence = str(Setting.of(perturbation))
         parsed = Setting.parse(sentence, {"under test": type(perturbation)})
     except UsageError as error:

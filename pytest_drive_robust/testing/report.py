@@ -16,6 +16,10 @@ class Check:
     ok: bool
     sentence: str
 
+    def line(self, width: int) -> str:
+        """Return a line of the report, with `width` columns for the name."""
+        return f"  {'ok    ' if self.ok else 'FAILED'}  {self.name:{width}}  {self.sentence}"
+
 
 @dataclass(frozen=True, slots=True)
 class ContractReport:
@@ -34,9 +38,12 @@ class ContractReport:
 
     def __str__(self) -> str:
         width = max((len(check.name) for check in self.checks), default=0)
-        marks = {True: "ok    ", False: "FAILED"}
-        lines = [f"  {marks[check.ok]}  {check.name:{width}}  {check.sentence}" for check in self.checks]
-        return "\n".join([f"{self.subject} {'keeps' if self.ok else 'breaks'} the contract", *lines])
+        return "\n".join([self.verdict, *(check.line(width) for check in self.checks)])
+
+    @property
+    def verdict(self) -> str:
+        """The first line: whether the subject keeps the contract."""
+        return f"{self.subject} {'keeps' if self.ok else 'breaks'} the contract"
 
 
 def attempt(whose: str, check: Callable[..., Check], *arguments: object) -> Check:

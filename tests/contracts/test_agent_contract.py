@@ -65,6 +65,25 @@ def test_a_good_agent_keeps_every_promise() -> None:
     assert "Good keeps the contract" in str(report)
 
 
+def test_each_check_is_told_as_soon_as_it_is_known() -> None:
+    seen: list[str] = []
+
+    class Noted(Good):
+        def act(self, observation: Observation) -> Control:
+            seen.append("act")
+            return super().act(observation)
+
+    report = check_agent(Noted, told=lambda check: seen.append(check.name))
+    assert seen[:3] == ["methods", "declarations", "act"]
+    assert [name for name in seen if name != "act"] == [check.name for check in report.checks]
+
+
+def test_a_time_limit_that_is_kept_changes_nothing() -> None:
+    assert [check.ok for check in check_agent(Good, act_timeout_s=60.0).checks] == [
+        check.ok for check in check_agent(Good).checks
+    ]
+
+
 def test_missing_methods_are_named() -> None:
     class NoReset(Good):
         reset = None  # type: ignore[assignment]
@@ -130,6 +149,24 @@ def test_wrong_declarations_are_told(name: str, value: object, told: str) -> Non
     report = check_agent(type("Declaring", (Good,), {name: value}))
     assert failed(report) == ["declarations"]
     assert told in report["declarations"].sentence
+
+
+def test_weights_that_are_not_there_are_told() -> None:
+    missing = type("Missing", (Good,), {"weights": ("no-such-file.pt",)})
+    for factory in (missing, lambda: missing()):
+        report = check_agent(factory)
+        assert failed(report) == ["declarations"]
+        assert "'no-such-file.pt', which cannot be read" in report["declarations"].sentence
+
+
+def test_weights_that_only_the_object_names_are_told() -> None:
+    class Late(Good):
+        def __init__(self) -> None:
+            self.weights = [__file__]
+
+    report = check_agent(Late)
+    assert failed(report) == ["declarations"]
+    assert "in the body of the class, not in __init__" in report["declarations"].sentence
 
 
 @pytest.mark.parametrize(

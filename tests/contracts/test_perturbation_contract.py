@@ -273,3 +273,14 @@ def test_an_exception_is_told_with_its_line() -> None:
     sentence = check_perturbation(Broken())["drives"].sentence
     assert "LookupError: lens" in sentence
     assert "test_perturbation_contract.py" in sentence
+
+
+def test_a_phrase_that_no_requirement_can_hold_is_found() -> None:
+    @dataclass
+    class Numbered(Perturbation):
+        number: int = 1
+        phrase = "camera #{number} off"
+
+    check = check_perturbation(Numbered())["sentence"]
+    assert not check.ok
+    assert "can stand in no requirement" in check.sentence

@@ -140,3 +140,28 @@ def test_a_store_that_cannot_be_written_costs_only_the_store(rerun):
     assert "cannot be written to" in " ".join(result.stdout.str().split())  # wrapped where the path ends
     count, result = rerun("--drive-store", "store", "-n2")
     assert (count, result.ret) == (6, 0)
+
+
+def test_weights_of_a_class_behind_a_function_are_asked_for_and_then_driven_anew(rerun):
+    module = """
+from pathlib import Path
+from pytest_drive_robust import Control
+from pytest_drive_robust.testing import ScriptedAgent
+
+class Loads(ScriptedAgent):
+    weights = ("share.txt",)
+    def __init__(self):
+        super().__init__([Control(throttle=float(Path("share.txt").read_text()))])
+
+def own():
+    return Loads()
+"""
+    weights = rerun.folder.path / "share.txt"
+    weights.write_text("1.0")
+    rerun.folder.makepyfile(loading_module=module, named_module=module + "own.weights = Loads.weights")
+    driven, result = rerun("--drive-agent=loading_module:own")
+    assert (driven, result.ret) == (0, 1)
+    result.stdout.fnmatch_lines(["*has weights = ('share.txt',)*with `own.weights = Loads.weights`*"])
+    assert rerun("--drive-agent=named_module:own")[0] == 6
+    weights.write_text("0.1")
+    assert rerun("--drive-agent=named_module:own")[0] == 6

@@ -249,3 +249,59 @@ def test_an_environment_that_keeps_kernels_from_being_compiled_is_refused(suite,
     assert checked.ret == 4
     checked.stderr.fnmatch_lines("*NUMBA_DISABLE_JIT is set, but the world needs compiled kernels: unset it*")
     checked.stderr.no_fnmatch_line("*Traceback*")
+
+
+WANTS_A_RIG = """
+from pytest_drive_robust import CameraSpec
+
+@dataclass
+class DirtyFront(Perturbation):
+    gain: float = 0.5
+    phrase = "dirty front {gain}"
+    def reset(self, context):
+        self.front = context.cameras[0].name
+    def observe(self, observation):
+        return observation.map_images(lambda name, image: replace(image, pixels=image.pixels // 2))
+
+@dataclass
+class Mistyped(Perturbation):
+    gain: float = 0.5
+    phrase = "mistyped {gain}"
+    def reset(self, context):
+        context.draw()
+
+def seeing():
+    return ScriptedAgent([Control(throttle=1.0)], cameras=[CameraSpec("front", width_px=8, height_px=6)])
+
+AGENTS.append(seeing)
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_perturbation(DirtyFront)
+    registry.register_perturbation(Mistyped)
+"""
+
+
+@processes
+def test_a_reset_that_wants_the_cameras_is_given_them_before_it_is_judged(suite, driven, workers):
+    folder = suite("RD under dirty front 0.6 <= 0.30", conftest=WANTS_A_RIG)
+    result = folder.runpytest_inprocess("--drive-robust", "--drive-agent=seeing", *workers)
+    assert result.ret == 0
+    assert len(driven()) == 6
+
+
+@processes
+def test_a_reset_that_raises_is_an_error_of_its_test(suite, workers):
+    folder = suite("RD under mistyped 0.6 <= 0.30", "DS under clean >= 1", conftest=WANTS_A_RIG)
+    result = folder.runpytest_inprocess("--drive-robust", *workers)
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["*'EpisodeContext' object has no attribute 'draw'*"])
+    result.stdout.no_fnmatch_line("*INTERNALERROR*")
+
+
+@processes
+def test_a_severity_that_no_tick_shows_is_refused_also_behind_a_reset_that_raises(suite, driven, workers):
+    output = refused(suite("RD under mistyped 0.6 and 20 ms latency <= 0.30", conftest=WANTS_A_RIG), *workers)
+    assert "ms is 20.0, expected 0 or at least one tick" in output
+    assert driven() == []

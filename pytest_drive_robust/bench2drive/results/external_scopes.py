@@ -11,7 +11,6 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
@@ -75,10 +74,6 @@ class ExternalScopes(Scopes):
 
     def check(self) -> None:
         """Look at nothing: the supply was checked when it was made."""
-
-    def check_setting(self, setting: Setting) -> None:
-        """Raise `PerturbationError` for a severity that no tick of Bench2Drive shows."""
-        setting.start(route_id="", seed=0, dt_s=TICK_S, cameras=())
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise one `UsageError` that names everything that the supply cannot answer."""

@@ -5,6 +5,7 @@ Code is what a factory, a class or a configured object is, with what it was made
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import hashlib
 import inspect
@@ -17,6 +18,7 @@ from enum import Enum
 from types import FunctionType, MethodType, ModuleType
 from typing import Any
 
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
 
@@ -24,6 +26,7 @@ SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
 """Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
 
 _OWN = __name__.partition(".")[0]
+_BLOCK_BYTES = 1 << 20
 _ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
 
 
@@ -74,9 +77,46 @@ def _plain(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:
 
 
 def perturbation_sources(setting: Setting) -> tuple[str, ...]:
-    """Return the code of a setting's classes that are not ours, in its order. Ours are a part of the identity."""
+    """Return the code and the `files` of a setting's classes that are not ours, in its order.
+
+    Ours are a part of the identity. Raises `UsageError` for a file that cannot be read.
+    """
     classes: Iterator[Any] = map(type, setting.perturbations)
-    return tuple(_class_code(cls) for cls in classes if cls.__module__.partition(".")[0] != _OWN)
+    others = [cls for cls in classes if cls.__module__.partition(".")[0] != _OWN]
+    return tuple(text for cls in others for text in (_class_code(cls), *file_digests(cls)))
+
+
+def file_digests(owner: object) -> list[str]:
+    """Return the digest of each file that a perturbation's class or a world names in `files`. Raises `UsageError`."""
+    fields = dataclasses.fields(owner) if dataclasses.is_dataclass(owner) else ()
+    if "files" in {field.name for field in fields}:
+        return []  # a severity of that name
+    named = getattr(owner, "files", ())
+    if not isinstance(named, (list, tuple)) or not all(isinstance(file, (str, os.PathLike)) for file in named):
+        raise UsageError(f"`files` of {_called(owner)} is {named!r}, expected the paths of the files that it reads.")
+    return [_file_digest(file, owner) for file in named]
+
+
+def _file_digest(file: str | os.PathLike[str], owner: object) -> str:
+    try:
+        status = os.stat(file)
+        return _content_digest(os.path.abspath(file), status.st_mtime_ns, status.st_size)
+    except OSError as error:
+        told = f"{_called(owner)} names the file {os.fspath(file)!r}, which cannot be read: {error.strerror}."
+        raise UsageError(told) from None
+
+
+def _called(owner: object) -> str:
+    return (owner if isinstance(owner, type) else type(owner)).__name__
+
+
+@functools.cache
+def _content_digest(path: str, _changed_ns: int, _size_bytes: int) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    with open(path, "rb") as file:
+        while block := file.read(_BLOCK_BYTES):
+            digest.update(block)
+    return digest.hexdigest()
 
 
 def code_of(target: object, *, libraries: bool = True) -> str:

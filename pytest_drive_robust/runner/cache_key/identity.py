@@ -31,7 +31,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key import source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of, file_digests
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -108,12 +108,13 @@ def agent_identity(agent: str, registry: Registry) -> str:
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
     """Return 32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
 
-    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment. One with
-    `portable_bits` computes the same with every version of Python.
+    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment, and
+    `files` those whose content does. One with `portable_bits` computes the same with every version of Python.
     """
     factory = registry.entry("simulators", name).load()
     modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
     others = [source_files.module_digest(source_files.file_of(module), module.__name__) for module in modules]
+    others += file_digests(world)
     facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
     place = f"{getattr(factory, '__module__', '')}."
     # Every other world may use the sensors and criteria of `embedded`.

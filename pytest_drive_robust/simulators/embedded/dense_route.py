@@ -17,7 +17,7 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
-from pytest_drive_robust.simulators.embedded.traced.schema import is_official
+from pytest_drive_robust.simulators.embedded.traced.schema import is_traced
 from pytest_drive_robust.simulators.embedded.traced.traced_route import TRIGGER_OFF_M, trace_route
 
 _SHORTEST_M, _LONGEST_M = 20.0, 20_000.0
@@ -142,7 +142,7 @@ def lay_route(route: Route) -> DenseRoute:
         raise RouteError(
             f"route {route.id}: its waypoints are {length:.3g} m long, expected {_SHORTEST_M:.0f} to {_LONGEST_M:.0f} m"
         )
-    traced = trace_route(route) if is_official(route.town) else None
+    traced = trace_route(route) if is_traced(route.town) else None
     town = compile_town(route.town) if traced is None else traced.town
     lane_map = town.lane_map
     line = traced.line if traced else resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
 from pytest_drive_robust.errors import RouteError, nearest
-from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, is_numeric, is_official, problems_of
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, is_carla, is_numeric, is_traced, problems_of
 
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
 """Degrees; all others are percentages."""
@@ -31,9 +31,9 @@ _CARLA_DEFAULT = -1.0
 def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
     """Return every route of a file, in its order; `is_ours`: who wrote it does not attack us, so it is read faster.
 
-    Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Files
-    of the leaderboard are checked for what their scenario types need, too; where anything is wrong, also for whether a
-    road can be built around their waypoints, so that one reading tells everything. On other towns, elements that no
+    Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Where a
+    road is built around the waypoints, what the scenario types need is checked, too, and, where anything is wrong,
+    whether a road can be built, so that one reading tells everything. On towns that are not CARLA's, elements that no
     scenario of ours reads are refused, where the leaderboard's files have some that mean something to CARLA alone.
 
     A route has one weather. Where a file of the leaderboard has several, the one with the lowest `route_percentage` is
@@ -86,17 +86,17 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
 
 
 def _wrong_elements(route: Route) -> list[str]:
-    ours = not is_official(route.town)
-    if ours and route.scenario.type not in SCHEMA:
+    traced = is_traced(route.town)
+    if not traced and route.scenario.type not in SCHEMA:
         return []  # for the world to say that drives there: it may know more types
-    return problems_of(route.scenario, ours=ours)
+    return problems_of(route.scenario, strict=not is_carla(route.town), placed=traced)
 
 
 def _misfit(route: Route) -> str | None:
     """Return why no road can be built around a route of the leaderboard, or None."""
     from pytest_drive_robust.simulators.embedded.traced.traced_route import trace_route  # loads numba
 
-    if is_official(route.town):
+    if is_traced(route.town):
         try:
             trace_route(route)
         except RouteError as error:
@@ -150,7 +150,7 @@ def _route(element: ElementTree.Element) -> Route:
     scenarios = element.findall("scenarios/scenario")
     if len(scenarios) != 1:
         raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
-    official = is_official(town)
+    official = is_carla(town)
     scenario = _scenario(scenarios[0], where, strict=not official)
     return Route(route_id, town, waypoints, scenario, _weather(element, where, official=official))
 

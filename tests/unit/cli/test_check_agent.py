@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pytest_drive_robust.cli.main import main
@@ -53,3 +55,34 @@ def test_what_cannot_be_checked_exits_with_4(
 def test_a_seed_that_no_run_takes_is_refused(capsys: pytest.CaptureFixture[str], seed: int) -> None:
     assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, f"--seed={seed}"]) == 4
     assert f"--seed holds {seed}, expected" in capsys.readouterr().err
+
+
+HANGING = """
+from cli_agents import Good
+
+class Hangs(Good):
+    def act(self, observation):
+        while True:
+            try:
+                pass
+            except Exception:
+                pass
+"""
+
+
+def test_a_call_that_hangs_ends_after_the_time_that_it_may_take(
+    agents_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (agents_folder / "hanging_agents.py").write_text(HANGING)
+    assert main(["check-agent", "hanging_agents:Hangs", "--sim", FAKE, "--act-timeout", "0.3s"]) == 1
+    shown = capsys.readouterr().out
+    assert "ok      declarations" in shown
+    assert "FAILED  controls      tick 0: act raised TimeoutError: the call takes more than 0.3 s (" in shown
+    assert "hanging_agents.py:" in shown
+
+
+def test_weights_that_are_not_there_exit_with_4(agents_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    module = "from cli_agents import Good\nclass Lost(Good):\n    weights = ('no-such-file.pt',)\n"
+    (agents_folder / "losing_agents.py").write_text(module)
+    assert main(["check-agent", "losing_agents:Lost", "--sim", FAKE]) == 4
+    assert "'no-such-file.pt', which cannot be read" in capsys.readouterr().err

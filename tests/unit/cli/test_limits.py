@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -40,6 +41,33 @@ def test_a_run_is_named_or_the_latest(capsys: pytest.CaptureFixture[str]) -> Non
     store_run("b")
     assert proposed("--run", "a")[1] == "RD under 200 ms latency <= 0.50"
     assert "limits-driver.txt: 2 limits" in capsys.readouterr().out
+
+
+def test_what_has_no_proposal_is_kept_as_it_was_stated(capsys: pytest.CaptureFixture[str]) -> None:
+    path = store_run("a", factor=0.8)
+    document = json.loads(path.read_text())
+    stated = [
+        ("driver", "hardest_braking", "200 ms latency", "hardest_braking under 200 ms latency <= 7"),
+        ("driver", "hardest_braking", "200 ms latency", "hardest_braking under 200 ms latency <= 7"),
+        ("driver", "RD", "200 ms latency", "RD under 200 ms latency <= 0.90"),
+        ("driver", "RD", "200 ms latency", "latency margin >= 200 ms (RD <= 0.30)"),
+        ("driver", "SR", "clean", "SR under clean >= 0.5"),
+        ("other", "comfort", "clean", "comfort under clean >= 10"),
+    ]
+    names = ("agent", "metric", "setting", "requirement")
+    document["requirements"] = [dict(zip(names, item, strict=True)) for item in stated]
+    path.write_text(json.dumps(document))
+    assert main(["limits", "--agent", "driver"]) == 0
+    lines = Path("limits-driver.txt").read_text(encoding="utf-8").splitlines()
+    assert [line.partition("  ")[0] for line in lines[2:]] == [
+        "DS under clean >= 70",
+        "RD under 200 ms latency <= 0.25",
+        "hardest_braking under 200 ms latency <= 7",
+        "latency margin >= 200 ms (RD <= 0.30)",
+        "SR under clean >= 0.5",
+    ]
+    assert all(line.endswith("  # kept as it was: no limit is proposed for it") for line in lines[4:])
+    assert "2 limits and 3 more of the run's requirements, as they were." in capsys.readouterr().out
 
 
 def test_a_file_that_exists_is_kept(capsys: pytest.CaptureFixture[str]) -> None:

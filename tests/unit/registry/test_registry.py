@@ -357,6 +357,13 @@ def failure(phrase: str) -> type[Perturbation]:
         ("dimmed {gain:.2f}", "shows 'gain'.*plain names"),
         ("dimmed {level}", "shows 'level'.*each once: gain"),
         ("dimmed {gain", "is malformed"),
+        ("camera #{gain} off", "can stand in no requirement: expected one line"),
+        ("dimmed <= {gain}", "without '#', '<=' and '>='"),
+        ("dimmed >= {gain}", "can stand in no requirement"),
+        ("dimmed ≤ {gain}", "can stand in no requirement"),
+        ("dimmed ≥ {gain}", "can stand in no requirement"),
+        ("dimmed\n{gain}", "can stand in no requirement"),
+        ("Clean", "that is not 'clean'"),
     ],
 )
 def test_a_sentence_that_cannot_be_read_back_is_refused_where_it_is_registered(phrase: str, message: str) -> None:

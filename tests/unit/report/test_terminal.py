@@ -105,6 +105,7 @@ def test_as_many_metrics_have_columns_as_fit():
     assert "efficiency" not in head
     assert [name in head for name in names] == [True, True, False]
     assert max(map(len, (head, *lines))) <= 100
+    assert "no column is left for a_metric_as_long_2: --drive-json FILE has the values" in lines
 
 
 def test_names_are_folded_and_numbers_are_never_cut():

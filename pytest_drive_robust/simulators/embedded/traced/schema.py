@@ -13,15 +13,21 @@ from enum import Enum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import nearest
 
-_OFFICIAL_TOWN = re.compile(r"(?:\S*/)?Town\d{1,6}(?:HD)?(?:_Opt)?")
+_TRACED_TOWN = re.compile(r"(?:\S*/)?Town\d{1,6}(?:HD)?(?:_Opt)?")
+_CARLA_TOWN = re.compile(r"(?:\S*/)?Town(?:0[1-9]|1[0-5])(?:HD)?(?:_Opt)?")
 
 
-def is_official(town: str) -> bool:
-    """Return whether a town's name is one as the CARLA leaderboard has: `Town01` to `Town15`, `Town10HD`.
+def is_traced(town: str) -> bool:
+    """Return whether a road is built around the routes of a town of this name: `Town` and a number.
 
-    Any other number is for polylines of one's own: `Town1`, `Town77`, `Town123`.
+    They are the towns of CARLA, and any other number is for polylines of one's own: `Town1`, `Town77`, `Town123`.
     """
-    return _OFFICIAL_TOWN.fullmatch(town) is not None
+    return _TRACED_TOWN.fullmatch(town) is not None
+
+
+def is_carla(town: str) -> bool:
+    """Return whether a town is one of CARLA's, `Town01` to `Town15`, `Town10HD`: others read files for it, too."""
+    return _CARLA_TOWN.fullmatch(town) is not None
 
 
 class Place(Enum):
@@ -154,10 +160,11 @@ def is_numeric(element: str) -> bool:
     return element in _RANGES or element in _PLACES
 
 
-def problems_of(spec: ScenarioSpec, *, ours: bool = False) -> list[str]:
+def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True) -> list[str]:
     """Return what is wrong with a scenario of a route file; empty when nothing is.
 
-    On a town of `ours` no place has to be given, and there may be no element that none of our scenarios reads.
+    `strict`: there may be no element that none of our scenarios reads. `placed`: the places that a type has must be
+    given.
     """
     schema = SCHEMA.get(spec.type)
     if schema is None:
@@ -168,8 +175,8 @@ def problems_of(spec: ScenarioSpec, *, ours: bool = False) -> list[str]:
     for name in _RANGES:
         found += _bad_numbers(spec, name, ("from", "to", "value") if name in _INTERVALS else ("value",))
     for name in (*schema.locations, *schema.optional_locations):
-        found += _bad_location(spec, name, needed=not ours and name in schema.locations)
-    if ours:
+        found += _bad_location(spec, name, needed=placed and name in schema.locations)
+    if strict:
         found += _without_effect(spec, schema)
     direction = spec.texts.get("direction")
     if "direction" in spec.parameters or (

@@ -89,6 +89,40 @@ def test_the_source_of_a_perturbation_that_is_not_ours_is_in_the_key(module):
     assert keys[0] == keys[2] != keys[1]
 
 
+def test_files_that_a_perturbation_names_are_in_the_key(module, tmp_path):
+    text = (
+        "from dataclasses import dataclass\nfrom typing import ClassVar\n"
+        "from pytest_drive_robust.perturbations import Perturbation\n"
+        "@dataclass\nclass Foggy(Perturbation):\n    metres: float = 5.0\n    phrase = 'fog {metres} m'\n"
+        f"    files: ClassVar = ({str(tmp_path / 'table.txt')!r},)\n"
+    )
+    request = replace(REQUEST, setting=Setting.of(module("foggy_files_module", text).Foggy()))
+    with pytest.raises(UsageError, match=r"table\.txt', which cannot be read: No such file"):
+        _ = request.key
+    keys = []
+    for content in ("3", "60", "3"):
+        (tmp_path / "table.txt").write_text(content)
+        keys.append(replace(request).key)
+    assert keys[0] == keys[2] != keys[1]
+
+
+def test_files_that_a_world_names_are_in_the_key(tmp_path):
+    registry = Registry()
+    registry.register_simulator("fake", FakeSimulator)
+
+    def identity_of_world(**attributes):
+        world = FakeSimulator()
+        vars(world).update(attributes)
+        return simulator_identity("fake", registry, world, SimulatorOptions())
+
+    bare = identity_of_world()
+    (tmp_path / "road.json").write_text("1")
+    first = identity_of_world(files=(tmp_path / "road.json",))
+    (tmp_path / "road.json").write_text("20")
+    assert len({bare, first, identity_of_world(files=(tmp_path / "road.json",))}) == 3
+    assert identity_of_world(files=()) == bare
+
+
 def test_one_byte_of_an_agents_package_changes_its_identity(module):
     module("driving_pkg.__init__", "")
     first = identity_with(module("driving_pkg.agent", AGENT).Agent)

@@ -26,6 +26,7 @@ GOOD = """<routes><route id="7" town="Street1"><waypoints>
 <distance value="40"/><direction value="right"/><source_dist_interval from="15" to="28"/></scenario></scenarios>
 <weathers><weather route_percentage="0" fog_density="12"/></weathers></route></routes>"""
 DISTANCE = '<distance value="40"/>'
+CLEAR, NIGHT = '<weather route_percentage="0" fog_density="12"/>', '<weather sun_altitude_angle="-60"/>'
 STREET_TEXT = f"""<routes><route id="7" town="Street1"><waypoints>
 <position x="-50" y="1.8" z="0"/><position x="-10" y="1.8" z="0"/></waypoints><scenarios>
 <scenario name="s" type="Accident"><trigger_point x="-45" y="1.8" z="0" yaw="0"/>{DISTANCE}</scenario></scenarios>
@@ -126,6 +127,30 @@ def test_what_would_have_no_effect_on_our_towns_is_refused(tmp_path: Path, text:
     assert says in str(caught.value)
 
 
+@pytest.mark.parametrize("town", ["Town77", "Town1", "Town123", "Town16"])
+@pytest.mark.parametrize(
+    ("was", "becomes", "says"),
+    [
+        (DISTANCE, '<distnace value="90"/>', "<distnace> is no element of Accident, did you mean 'distance'?"),
+        (DISTANCE, '<distnace value="inf"/>', "<distnace> is no element of Accident, did you mean 'distance'?"),
+        (DISTANCE, '<distance value="40" z="inf"/>', "<distance> has z='inf', expected a finite number"),
+        (CLEAR, CLEAR + NIGHT, "elements differ, but the weather of a route does not change"),
+    ],
+)
+def test_nor_is_it_on_a_polyline_of_ones_own(tmp_path: Path, town: str, was: str, becomes: str, says: str) -> None:
+    text = STREET_TEXT.replace('town="Street1"', f'town="{town}"').replace(was, becomes)
+    (tmp_path / "own.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(RouteError, match="route 7: ") as caught:
+        load_routes(tmp_path / "own.xml")
+    assert says in str(caught.value)
+
+
+def test_what_only_carla_reads_may_stand_in_its_towns(tmp_path: Path) -> None:
+    text = STREET_TEXT.replace('town="Street1"', 'town="Town12"').replace(DISTANCE, '<blocker_model value="van"/>')
+    (tmp_path / "official.xml").write_text(text, encoding="utf-8")
+    assert load_routes(tmp_path / "official.xml")[0].scenario.texts == {"blocker_model": "van"}
+
+
 @pytest.mark.parametrize("metres_per_s", [0.0, -5.0])
 def test_a_flow_that_does_not_drive_is_refused(tmp_path: Path, metres_per_s: float) -> None:
     route = next(route for route in ROUTES if "flow_speed" in route.scenario.parameters)
@@ -133,9 +158,6 @@ def test_a_flow_that_does_not_drive_is_refused(tmp_path: Path, metres_per_s: flo
     save_routes([replace(route, scenario=replace(route.scenario, parameters=flow))], tmp_path / "own.xml")
     with pytest.raises(RouteError, match=r"<flow_speed> has value=-?\d, expected 0\.1 to 50"):
         load_routes(tmp_path / "own.xml")
-
-
-CLEAR, NIGHT = '<weather route_percentage="0" fog_density="12"/>', '<weather sun_altitude_angle="-60"/>'
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS
-from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, is_official
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, is_carla, is_traced
 from pytest_drive_robust.simulators.embedded.traced.traced_route import _trace_route
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -34,7 +34,7 @@ def test_the_schema_knows_the_types_that_we_have() -> None:
 
 
 @pytest.mark.parametrize(
-    ("town", "official"),
+    ("town", "traced"),
     [
         *(
             (name, True)
@@ -43,8 +43,14 @@ def test_the_schema_knows_the_types_that_we_have() -> None:
         *((name, False) for name in ("Street12", "Town", "Town1234567", "Town1x", "MyTown12", "")),
     ],
 )
-def test_towns_of_carla_are_told_from_ours(town: str, official: bool) -> None:
-    assert is_official(town) is official
+def test_towns_of_carla_and_of_ones_own_polylines_are_told_from_ours(town: str, traced: bool) -> None:
+    assert is_traced(town) is traced
+
+
+@pytest.mark.parametrize("town", ["Town01", "Town10HD", "Town10HD_Opt", "Town12", "Town15", "Carla/Maps/Town07"])
+def test_towns_of_carla_are_told_from_those_of_ones_own_polylines(town: str) -> None:
+    assert is_carla(town)
+    assert not any(map(is_carla, ("Town00", "Town1", "Town16", "Town77", "Town123", "Street1")))
 
 
 @pytest.mark.parametrize("kind", sorted(SCHEMA))

@@ -1,0 +1,70 @@
+"""What an agent's factory must say for its objects: keys of episodes are made before any agent is.
+
+Weights, a `configuration` and `computed_by` that only the made object has are in no key: they could change, and the
+episodes of before would be taken for those of now.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from pytest_drive_robust.domain.agent import computing_modules
+from pytest_drive_robust.errors import PluginError
+from pytest_drive_robust.registry.entries import ConfiguredFactory
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
+
+
+def require_declared(name: str, agent: object, factory: object) -> None:
+    """Raise `PluginError` where the agent called `name` says of itself what its factory does not say."""
+    own = list(undeclared(agent, factory))
+    if not own:
+        return
+    made_by, cls = getattr(factory, "func", factory), type(agent)
+    place = getattr(made_by, "__name__", type(made_by).__name__)
+    given = " and ".join(f"{attribute} = {getattr(agent, attribute)!r}" for attribute in own)
+    lines = [f"{place}.{attribute} = {_known_as(cls, attribute)}" for attribute in own]
+    where = f"in the body of the class {place}, not in __init__" if made_by is cls else f"with `{'; '.join(lines)}`"
+    raise PluginError(
+        f"the agent {name!r} has {given}, which {place}, what makes it, does not say. Keys of stored episodes are made "
+        f"of what {place} says, before there is an agent: a change would go unseen. Say it {where}."
+    )
+
+
+def _known_as(cls: type, attribute: str) -> str:
+    return f"{cls.__name__}.{attribute}" if hasattr(cls, attribute) else "..."
+
+
+def undeclared(agent: object, factory: object) -> Iterator[str]:
+    """Return the attributes of an agent that decide its keys and that its factory does not have, or has otherwise.
+
+    A factory may name more files and modules than the agent. What an agent keeps under these names for itself counts
+    for nothing: loaded weights, a configuration that has no plain values. Options may choose what computes.
+    """
+    if not {*_files(agent)} <= {*_files(factory)}:
+        yield "weights"
+    configuration = _plain(agent)
+    if configuration is not None and configuration != _plain(factory):
+        yield "configuration"
+    if not isinstance(factory, ConfiguredFactory) and not {*_modules(agent)} <= {*_modules(factory)}:
+        yield "computed_by"
+
+
+def _files(owner: object) -> list[str]:
+    """Return the files that are there out of those in `weights`."""
+    named = getattr(owner, "weights", None)
+    several = named if isinstance(named, (list, tuple)) else (named,)
+    return [os.path.abspath(file) for file in several if isinstance(file, (str, os.PathLike)) and os.path.exists(file)]
+
+
+def _plain(owner: object) -> str | None:
+    """Return the text of `configuration`, None where it has no value that could be compared."""
+    given = getattr(owner, "configuration", None)
+    try:
+        return None if given is None else canonical_text(given)
+    except TypeError:
+        return None
+
+
+def _modules(owner: object) -> tuple[str, ...]:
+    return computing_modules(owner) or ()

@@ -1,0 +1,54 @@
+"""Ends calls of an agent that take too long, as far as signals reach: in the main thread, and not on Windows."""
+
+from __future__ import annotations
+
+import functools
+import signal
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, TypeVar
+
+_A = TypeVar("_A")
+_CALLS = ("sensors", "reset", "act", "act_batch", "plan")
+_AGAIN_S = 1.0
+"""Code that catches everything is interrupted once more."""
+
+
+class _TimeIsUpError(SystemExit):
+    """Goes through the `except Exception` of an agent."""
+
+
+def with_time_limit(agent: _A, limit_s: float) -> _A:
+    """Return the agent, whose calls raise `TimeoutError` after so many seconds.
+
+    Nothing changes where signals do not reach, and for an object that takes no attributes.
+    """
+    if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
+        for name in _CALLS:
+            call = getattr(agent, name, None)
+            if callable(call):
+                with suppress(AttributeError):  # of a class with slots
+                    setattr(agent, name, _limited(call, limit_s))
+    return agent
+
+
+def _limited(call: Callable[..., Any], limit_s: float) -> Callable[..., Any]:
+    @functools.wraps(call)
+    def limited(*given: Any) -> Any:
+        before = signal.signal(signal.SIGALRM, _end)
+        signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+        try:
+            return call(*given)
+        except _TimeIsUpError as error:
+            told = f"the call takes more than {limit_s:g} s"
+            raise TimeoutError(told).with_traceback(error.__traceback__) from None  # with the line that it was at
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, before)
+
+    return limited
+
+
+def _end(*_: object) -> None:
+    raise _TimeIsUpError

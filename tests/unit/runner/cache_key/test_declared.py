@@ -1,0 +1,101 @@
+"""What only the made agent says of itself is refused: keys are made of what its factory says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+
+from pytest_drive_robust.domain.control import Control
+from pytest_drive_robust.errors import PluginError
+from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.runner.cache_key.identity import agent_identity
+from pytest_drive_robust.runner.driver import make_agent
+from pytest_drive_robust.testing import ScriptedAgent
+
+
+class Says(ScriptedAgent):
+    weights = ("speed.txt",)
+    configuration: ClassVar[object] = {"gain": 1}
+    computed_by = ("numpy",)
+
+    def __init__(self) -> None:
+        super().__init__([Control()])
+
+
+class SaysLate(ScriptedAgent):
+    def __init__(self, path: str = "speed.txt") -> None:
+        super().__init__([Control()])
+        self.weights = [path]
+
+
+class KeepsForItself(ScriptedAgent):
+    """Uses the names for what it loaded, as many a network's class does."""
+
+    def __init__(self) -> None:
+        super().__init__([Control()])
+        self.weights = {"layer": [1.0]}
+        self.configuration = object()
+
+
+def behind_a_function() -> Says:
+    return Says()
+
+
+def behind_a_function_that_says_so() -> Says:
+    return Says()
+
+
+behind_a_function_that_says_so.weights = Says.weights  # type: ignore[attr-defined]
+behind_a_function_that_says_so.configuration = Says.configuration  # type: ignore[attr-defined]
+behind_a_function_that_says_so.computed_by = ("torch", *Says.computed_by)  # type: ignore[attr-defined]
+
+
+@pytest.fixture
+def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry:
+    monkeypatch.chdir(tmp_path)
+    Path("speed.txt").write_text("6.0")
+    registry = Registry()
+    for factory in (Says, SaysLate, KeepsForItself, behind_a_function, behind_a_function_that_says_so):
+        registry.register_agent(factory.__name__, factory)
+    return registry
+
+
+@pytest.mark.parametrize(
+    "name", ["Says", "KeepsForItself", "behind_a_function_that_says_so", "SaysLate:path=speed.txt"]
+)
+def test_an_agent_is_made_whose_factory_says_what_it_says(registry: Registry, name: str) -> None:
+    assert make_agent(registry, name) is not None
+
+
+def test_what_a_function_leaves_out_is_named_with_the_lines_that_say_it(registry: Registry) -> None:
+    with pytest.raises(PluginError) as caught:
+        make_agent(registry, "behind_a_function")
+    told = str(caught.value)
+    assert "weights = ('speed.txt',) and configuration = {'gain': 1} and computed_by = ('numpy',)" in told
+    assert "behind_a_function.weights = Says.weights; behind_a_function.configuration = Says.configuration" in told
+
+
+def test_what_is_set_in_a_constructor_belongs_in_the_class(registry: Registry) -> None:
+    with pytest.raises(PluginError, match="in the body of the class SaysLate, not in __init__"):
+        make_agent(registry, "SaysLate")
+
+
+def test_the_content_of_a_file_that_an_option_names_is_in_the_key(registry: Registry) -> None:
+    first = agent_identity("SaysLate:path=speed.txt", registry)
+    Path("speed.txt").write_text("1.0")
+    assert agent_identity("SaysLate:path=speed.txt", registry) != first
+    assert agent_identity("SaysLate:path=no-file", registry) == agent_identity("SaysLate:path=no-file", registry)
+
+
+@pytest.mark.parametrize(
+    "name", ["tcp", "tcp:mode=ctrl+tuning=ours", "vad", "uniad", "simlingo", "blind:speed=4", "expert"]
+)
+def test_the_shipped_agents_say_what_they_are(name: str) -> None:
+    assert make_agent(default_registry(), name) is not None
+
+
+def test_an_option_may_choose_what_computes() -> None:
+    pytest.importorskip("torch")
+    assert make_agent(default_registry(), "tcp:engine=torch") is not None
