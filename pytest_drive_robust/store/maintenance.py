@@ -103,8 +103,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
 
     Always: records that were set aside, those whose end no other run may reuse, and what writers left that died. With
     `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only where
-    both hold). Records that a living process has claimed, or
-    replaced meanwhile, stay. `dry` removes nothing.
+    both hold). Records that a living process has claimed, or replaced meanwhile, stay. `dry` removes nothing.
     """
     files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
     now_s = _now_s(folder)
