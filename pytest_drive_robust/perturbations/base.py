@@ -321,6 +321,11 @@ class RunningStack:
             given, observation = observation, change(observation)
             if not isinstance(observation, Observation):
                 raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
+            if observation is given:
+                continue
+            problem = observation.signal_problem()
+            if problem is not None:
+                raise PerturbationError(f"{change.__qualname__} gave an observation whose {problem}")
             if observation.cameras is not given.cameras:
                 _check_images(change.__qualname__, given.cameras, observation.cameras)
         return observation

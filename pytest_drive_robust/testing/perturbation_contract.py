@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, RunningStack, Setting
@@ -147,14 +146,9 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
     """Return in a clause why no agent could take this observation, or None."""
     if not isinstance(got, Observation):
         return f"observe gave {got!r}, expected an Observation"
-    for name, kind in (("gps", Gps), ("compass", Compass), ("imu", Imu), ("speed", Speed)):
-        signal = getattr(got, name)
-        if not isinstance(signal, kind):
-            return f"{name} is {signal!r}, expected a {kind.__name__}"
-        for part in fields(signal):
-            value: object = getattr(signal, part.name)
-            if not _is_finite(value):
-                return f"{name}.{part.name} is {value!r}, expected a finite number"
+    problem = got.signal_problem()
+    if problem is not None:
+        return problem
     if set(got.cameras) != set(given.cameras):
         return f"the cameras became {', '.join(got.cameras) or 'none'}"
     for name, image in got.cameras.items():
@@ -166,13 +160,6 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
         if pixels.shape != expected.shape or pixels.dtype != expected.dtype:
             return f"{name} went from {expected.shape} {expected.dtype} to {pixels.shape} {pixels.dtype}"
     return None
-
-
-def _is_finite(value: object) -> bool:
-    try:
-        return math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return False
 
 
 def _inference(done: _Drive) -> Check:

@@ -103,6 +103,38 @@ def test_an_episode_that_broke_in_the_simulator_is_an_error_not_a_failure(suite,
     result.stdout.fnmatch_lines(["*ERROR: not judged: RD under throttle 0.9 <= 0.30*", "*no map*"])
 
 
+LOST = """
+
+@dataclass
+class GpsLoss(Perturbation):
+    phrase = "GPS loss"
+
+    def observe(self, observation):
+        return replace(observation, gps=replace(observation.gps, x_m=float("nan")))
+
+
+def follower():
+    return ScriptedAgent(lambda seen: Control(throttle=1.0, steer=0.0 * seen.gps.x_m))
+
+
+AGENTS.append(follower)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_perturbation(GpsLoss)
+"""
+
+
+def test_a_perturbation_that_gives_what_no_agent_can_use_is_an_error_not_a_failure(suite):
+    result = run(suite("RD under GPS loss <= 0.30", conftest=LOST), "--drive-agent", "follower")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        ["3 x simulation error, never scored: *", "*GpsLoss.observe gave an observation whose*"]
+    )
+
+
 def test_an_agent_that_breaks_its_contract_is_scored_and_listed(suite):
     result = run(suite("DS under clean >= 90"), "--drive-agent", "faulty")
     result.assert_outcomes(failed=1)

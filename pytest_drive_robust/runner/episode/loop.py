@@ -123,6 +123,7 @@ class RunningEpisode:
         self.images: Mapping[str, Image] = {}
         self._watch = watch or Watch()
         self._view = () if view is None else (view,)
+        self._mounted: dict[str, CameraSpec] = {}  # what the world was asked for, by the camera's name
         self._seen: Observation | None = None
         self._lane_map: LaneMap | None = None  # the agent's own
         self._rows = array("d")  # of a `Trace`, one after the other
@@ -164,6 +165,7 @@ class RunningEpisode:
         self.witness = Witness(tuple(camera.name for camera in cameras), consumes)
         self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
+        self._mounted = {camera.name: camera for camera in cameras or self._view}
         self.state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
         self.plan = self.simulator.plan()
         self._enter("reset")
@@ -185,7 +187,7 @@ class RunningEpisode:
         """Return what the agent is to act on, in memory of its own; None while it is busy: then the tick is over."""
         stack = self.stack
         assert stack is not None  # start() came before
-        captured = self.simulator.observe()
+        captured = self._captured()
         self.images = captured.cameras
         if self.shows_view:
             captured = replace(captured, cameras={})
@@ -196,6 +198,25 @@ class RunningEpisode:
         self.witness.seen(captured, observation)
         given, truth = observation.private(), self._truth() if self.privileged else None
         return given if given.truth is truth else replace(given, truth=truth)
+
+    def _captured(self) -> Observation:
+        """Return what the world's sensors give. Raises `SimulationError`, else the agent would be blamed for it."""
+        captured: object = self.simulator.observe()
+        if not isinstance(captured, Observation):
+            raise SimulationError(f"observe() gave {captured!r}, expected an Observation")
+        problem = captured.signal_problem()
+        if problem is not None:
+            raise SimulationError(f"observe() gave an observation whose {problem}")
+        if not captured.cameras.keys() >= self._mounted.keys():
+            raise SimulationError(
+                f"observe() gave images of {sorted(captured.cameras)}, expected those of {sorted(self._mounted)}"
+            )
+        if self.ticks == 0:  # images are of one kind in a whole episode
+            for name, camera in self._mounted.items():
+                problem = camera.image_problem(captured.cameras[name])
+                if problem is not None:
+                    raise SimulationError(f"observe() gave an image of another kind: {problem}")
+        return captured
 
     def _truth(self) -> GroundTruth:
         """Return what a privileged agent may see, in memory of its own: worlds share the map of a town."""

@@ -491,6 +491,59 @@ def test_a_perturbation_that_loses_a_camera_is_named() -> None:
     assert "Losing.observe gave images of [], expected those of ['front']" in result.end_detail
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda seen: replace(seen, gps=replace(seen.gps, x_m=float("nan"))), "gps.x_m is nan, expected a finite"),
+        (lambda seen: replace(seen, speed=replace(seen.speed, mps="fast")), "speed.mps is 'fast', expected a finite"),
+        (lambda seen: replace(seen, imu=None), "imu is None, expected a Imu"),
+    ],
+)
+def test_a_signal_that_is_none_is_blamed_on_the_perturbation_or_the_world_that_gave_it(
+    change: Callable[[Observation], Any], told: str
+) -> None:
+    class Losing(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            return change(observation) if observation.tick >= 20 else observation
+
+    class Lost(FakeSimulator):
+        def observe(self) -> Observation:
+            return change(super().observe()) if self._tick >= 20 else super().observe()
+
+    perturbed = drive(ScriptedAgent(by_speed), setting=Setting.of(Losing()))
+    assert (perturbed.end, perturbed.ticks) == (End.SIMULATION_CRASHED, 20)
+    assert f"Losing.observe gave an observation whose {told}" in perturbed.end_detail
+    result = drive(ScriptedAgent(by_speed), simulator=Lost())
+    assert (result.end, result.ticks) == (End.SIMULATION_CRASHED, 20)
+    assert f"observe() gave an observation whose {told}" in result.end_detail
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda seen: replace(seen, cameras={}), "observe() gave images of [], expected those of ['front']"),
+        (
+            lambda seen: seen.map_images(lambda name, image: Image(image.pixels[:4] / 1.0, image.tick)),
+            "observe() gave an image of another kind: front is (4, 16, 3) float64, expected (9, 16, 3) uint8",
+        ),
+        (
+            lambda seen: seen.map_images(lambda name, image: image.pixels),
+            "observe() gave an image of another kind: front is a ndarray, expected an Image",
+        ),
+        (lambda seen: None, "observe() gave None, expected an Observation"),
+    ],
+)
+def test_images_that_the_world_does_not_give_are_not_blamed_on_the_agent(
+    change: Callable[[Observation], Any], told: str
+) -> None:
+    class Blind(FakeSimulator):
+        def observe(self) -> Observation:
+            return change(super().observe())
+
+    result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), simulator=Blind())
+    assert (result.end, result.end_detail) == (End.SIMULATION_CRASHED, told)
+
+
 def test_what_was_injected_is_checked_before_it_is_stored() -> None:
     class Noting(Perturbation):
         def schedule(self) -> Any:
