@@ -332,7 +332,16 @@ class RunningStack:
 
     def wants_inference(self, tick: int) -> bool:
         """Return True when no perturbation keeps the agent's computer busy in `tick`."""
-        return all(free(tick) for free in self._wants)
+        for free in self._wants:
+            answer: object = free(tick)
+            if answer is True:
+                continue
+            if answer is not False and not is_yes_or_no(answer):
+                told = f"{free.__qualname__} gave {answer!r}, expected True or False"
+                raise PerturbationError(f"{told}: is there a return in every branch?")
+            if not answer:
+                return False
+        return True
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
         """Return the control that the vehicle gets: the last one when there is no new one, neutral before the first."""
@@ -345,6 +354,13 @@ class RunningStack:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, perturbation by perturbation."""
         return tuple(injection for item in self._perturbations for injection in item.schedule())
+
+
+def is_yes_or_no(answer: object) -> bool:
+    """Return whether this can answer `wants_inference`: None is a forgotten return, which would keep it busy."""
+    import numpy as np
+
+    return isinstance(answer, int | np.bool_ | np.integer)
 
 
 def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
