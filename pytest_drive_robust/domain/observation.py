@@ -85,6 +85,12 @@ class Image:
     pixels: Pixels
     tick: int
 
+    def read_only(self) -> Image:
+        """Return the same pixels for those who must not write to them, in a view of the same memory."""
+        pixels = self.pixels.view()
+        pixels.flags.writeable = False
+        return Image(pixels, self.tick)
+
 
 @dataclass(frozen=True, slots=True)
 class Gps(GeodeticPlace):

@@ -88,7 +88,7 @@ class Perturbation:
         """Begin an episode. Override to build the state that the other methods need."""
 
     def observe(self, observation: Observation) -> Observation:
-        """Return what the agent gets instead of this. Must not write into the arrays of its argument."""
+        """Return what the agent gets instead of this. The arrays of its argument are read-only."""
         return observation
 
     def wants_inference(self, tick: int) -> bool:
@@ -303,6 +303,11 @@ class RunningStack:
     def warmup_ticks(self) -> int:
         """For so many ticks the vehicle gets neutral commands: the longest of the stack, 0 if there is none."""
         return Setting(self._perturbations).warmup_ticks
+
+    @property
+    def observes(self) -> bool:
+        """True when a perturbation is given the observations."""
+        return bool(self._observe)
 
     @property
     def measures_inference(self) -> bool:

@@ -188,6 +188,8 @@ class RunningEpisode:
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self._captured()
+        if stack.observes:  # worlds give the image of a slow camera again: what is written to it would add up
+            captured = captured.map_images(lambda name, image: image.read_only())
         self.images = captured.cameras
         if self.shows_view:
             captured = replace(captured, cameras={})

@@ -17,7 +17,16 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
+from pytest_drive_robust.perturbations import (
+    BurstFrameDrop,
+    FrameBlend,
+    GpsNoise,
+    InferenceLatency,
+    PartialObservation,
+    Perturbation,
+    SensorDelay,
+    Setting,
+)
 from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -479,6 +488,40 @@ def test_a_perturbation_that_spoils_an_image_is_named_and_not_the_agent(
     result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), setting=Setting.of(Spoiling()))
     assert result.end is End.SIMULATION_CRASHED
     assert told in result.end_detail
+
+
+@pytest.mark.parametrize(
+    "before",
+    [
+        Setting.CLEAN,
+        Setting.of(BurstFrameDrop(length_s=1.0, probability=1.0)),
+        Setting.of(SensorDelay(camera_ms=100)),
+        Setting.of(FrameBlend(frames=2)),
+    ],
+    ids=str,
+)
+def test_a_perturbation_that_writes_into_an_image_which_is_given_again_is_told_where(before: Setting) -> None:
+    class Dimming(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            if observation.tick == 2:
+                observation.cameras["front"].pixels[:] //= 2
+            return observation
+
+    slow = CameraSpec("front", width_px=16, height_px=9, rate_hz=5.0)
+    result = drive(ScriptedAgent([FULL], cameras=(slow,)), setting=before + Dimming())
+    assert (result.end, result.ticks) == (End.SIMULATION_CRASHED, 2)
+    assert "ValueError: output array is read-only (" in result.end_detail
+    assert "test_loop.py:" in result.end_detail
+
+
+@pytest.mark.parametrize("setting", ["100 ms sensor delay", "clean"])
+def test_an_agent_may_write_to_what_it_gets_under_any_setting(setting: str) -> None:
+    def scribble(observation: Observation) -> Control:
+        observation.cameras["front"].pixels[:] = 255
+        return FULL
+
+    result = drive(ScriptedAgent(scribble, cameras=(CAMERA,)), setting=Setting.parse(setting))
+    assert result.outcome is Outcome.COMPLETED
 
 
 def test_a_perturbation_that_loses_a_camera_is_named() -> None:
