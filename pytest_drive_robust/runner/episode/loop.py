@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, read_only
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, SimulationError
@@ -313,7 +313,8 @@ class RunningEpisode:
     def _trace(self) -> Trace:
         """Return what was recorded so far, in memory of its own."""
         width = len(Trace.COLUMNS)
-        return Trace(np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width).copy())
+        rows = np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width)
+        return Trace(read_only(rows.copy()))
 
     def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):

@@ -31,6 +31,7 @@ from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 
 CAMERA = CameraSpec("front", width_px=16, height_px=9)
@@ -103,6 +104,20 @@ def test_a_long_trace_outgrows_its_first_memory_without_losing_a_row() -> None:
     assert result.trace.rows.base is None  # a stored trace must not hold the recorder's spare memory
     assert np.isfinite(result.trace.rows).all()
     assert (np.diff(result.trace.column("x_m")) > 0.0).all()
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_nobody_can_write_into_what_was_recorded(stored: bool) -> None:
+    result = drive(ScriptedAgent([FULL], cameras=[CAMERA]))
+    if stored:
+        result = decode_episode(encode_episode(result))
+    given, tracks = result.given, result.tracks
+    assert given is not None
+    assert tracks is not None
+    of_tracks = (tracks.actors, tracks.motion, tracks.lights, tracks.plans, tracks.points)
+    for table in (*result.trace.columns("x_m", "speed_mps"), result.trace.rows, given.rows, *of_tracks):
+        with pytest.raises(ValueError, match="read-only"):
+            table[:] = 0
 
 
 def test_the_same_episode_is_the_same_to_the_bit_on_used_and_on_new_objects() -> None:
