@@ -20,11 +20,11 @@ from itertools import product
 
 from rich.progress import track
 
-from drive_robust_agents._planning.mkz import Pedals as CarPedals
+from drive_robust_agents._planning.mkz import Pedals
 from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.path_controller import PathController, PathTuning
-from drive_robust_agents._wrappers.pid import Pedals, Point, WaypointController, WaypointTuning
+from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
 from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.labels import path_ahead
@@ -48,7 +48,7 @@ PATHS = {"ours": tuning.SIMLINGO, "published": tuning.SIMLINGO_PUBLISHED}
 AGENTS = ("expert", *TUNINGS, "simlingo")
 SPEED_POINTS = 10
 
-Steer = Callable[["Perfect", EgoState, float, Point], Pedals]
+Steer = Callable[["Perfect", EgoState, float, Point], Control]
 
 
 class Perfect:
@@ -94,12 +94,11 @@ class Perfect:
             self._future, self._branched = self._drive_on(observation), observation.tick
         target = self._planner.step(gps.x_m, gps.y_m)
         local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
-        pedals = self._steer(self, ego, observation.speed.mps, local)
-        throttle, steer, brake = pedals.throttle, pedals.steer, pedals.brake
-        if self._for_plain_car:
-            throttle, brake = pedals_from_plain(observation.speed.mps, CarPedals(throttle, brake))
-            steer = steer_from_plain(steer)
-        return Control(throttle, steer, brake)
+        control = self._steer(self, ego, observation.speed.mps, local)
+        if not self._for_plain_car:
+            return control
+        throttle, brake = pedals_from_plain(observation.speed.mps, Pedals(control.throttle, control.brake))
+        return Control(throttle, steer_from_plain(control.steer), brake)
 
     @property
     def age_ticks(self) -> int:

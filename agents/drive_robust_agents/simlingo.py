@@ -172,11 +172,10 @@ class SimLingo(LearnedAgent):
         self._planned = PlannedPath(path, targets, waypoints)
         if self.commentary:
             self.said = decode(number for number in outputs["answer"].tolist() if number != CLOSING)
-        pedals = self._controller.step(path, waypoints, observation.speed.mps)
-        control = Control(pedals.throttle, pedals.steer, pedals.brake)
+        control = self._controller.step(path, waypoints, observation.speed.mps)
         if self._creep.step(observation.speed.mps):
-            least = pedals.throttle if self.tuning == "published" else 0.0
-            control = Control(max(Creep.THROTTLE, least), pedals.steer)
+            least = control.throttle if self.tuning == "published" else 0.0
+            control = Control(max(Creep.THROTTLE, least), control.steer)
         self._last = _FULL_BRAKE if self._last is None else self._given(control, observation.speed.mps)
         return self._last
 

@@ -156,8 +156,7 @@ class TCP(LearnedAgent):
             self._coasts = False
             return Control()
         speed_mps = observation.speed.mps
-        pedals = self._controller.step(waypoints, speed_mps, targets[0])
-        control = self._given(Control(pedals.throttle, pedals.steer, pedals.brake), speed_mps)
+        control = self._given(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
         if self.mode != "traj":
             direct = _direct(outputs["action"].tolist())  # learned from this car's controls: nothing is to be converted
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)

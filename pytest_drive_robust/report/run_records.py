@@ -31,8 +31,9 @@ Find = Callable[[str], "EpisodeResult | None"]
 class RunRecords:
     """One run. `results` are those of its episodes, in the order of the run.
 
-    An episode whose record was not found has an empty trace. `keys` names each episode in the store; `routes` are those
-    of each route specification that can still be resolved, `simulator` is None where it cannot be made here.
+    An episode whose record was not found, or is that of another drive, has an empty trace. `keys` names each episode in
+    the store; `routes` are those of each route specification that can still be resolved, `simulator` is None where it
+    cannot be made here.
     """
 
     label: str
@@ -65,7 +66,7 @@ class RunRecords:
             items = document["episodes"]
             episodes = [Episode(item["agent"], item["route_id"], item["setting"], item["seed"]) for item in items]
             known = list(zip(episodes, items, strict=True))
-            results = {episode: find(item["key"]) or episode_of(item) for episode, item in known}
+            results = {episode: _result(item, find) for episode, item in known}
             keys = {episode: item["key"] for episode, item in known}
             specs = dict.fromkeys(row["routes_spec"] for row in document["summaries"])
             settings = dict.fromkeys(row["setting"] for row in document["summaries"])
@@ -117,6 +118,14 @@ class RunRecords:
         """Return the episodes of these routes and seeds that the run holds, in this order."""
         episodes = (Episode(agent, route_id, setting, seed) for route_id in route_ids for seed in seeds)
         return [self.results[episode] for episode in episodes if episode in self.results]
+
+
+def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
+    """Return the stored episode where it is the drive that the document tells of, else what the document tells."""
+    told, stored = episode_of(item), find(item["key"])
+    if stored is not None and (stored.end, stored.trace.digest) == (told.end, item["trace_digest"]):
+        return stored
+    return told
 
 
 def _same_id(label: str, route_id: str, where: str = "") -> UsageError:

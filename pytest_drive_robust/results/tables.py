@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.report.csv_file import COLUMNS, episode_fields
 from pytest_drive_robust.report.numbers import legible
+from pytest_drive_robust.store.events import Judged
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -79,7 +80,7 @@ def _infractions(run: Run) -> Columns:
 
 def _requirements(run: Run) -> Columns:
     rows = [{**asdict(item), "seeds": " ".join(map(str, item.seeds))} for item in run.requirements]
-    return _from_rows(rows, tuple(rows[0]) if rows else ("requirement",))
+    return _from_rows(rows, tuple(item.name for item in fields(Judged)))
 
 
 def _ticks(run: Run) -> Columns:

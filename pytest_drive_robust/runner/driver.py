@@ -10,7 +10,8 @@ batch with it, in whichever order, and however early the others end.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Generator
+from collections.abc import Callable, Collection, Generator, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
@@ -66,11 +67,11 @@ class EpisodeDriver:
         """
         agent = request.episode.agent
         if width is None or _measures_inference(request):
-            with borrowed_generators(repr(request.episode)):
+            with borrowed_generators(repr(request.episode)), self._closing_cut_off():
                 running = self._running(request)
                 running.drive()
                 return self._result(request, running)
-        with borrowed_generators(f"driving {agent}"):
+        with borrowed_generators(f"driving {agent}"), self._closing_cut_off():
             running, batch = self._begin(request), Batch(width, lambda: self._take_agent(agent), self._watch)
             while not running.over:
                 running.attempt(lambda: self._round([running], batch))
@@ -123,29 +124,29 @@ class EpisodeDriver:
     ) -> _Ended:
         live: dict[RunningEpisode, EpisodeRequest] = {}
         batch = Batch(width, lambda: self._take_agent(agent), self._watch)
-        try:
-            while True:
-                while len(live) < width and (request := take()) is not None:
-                    if request.episode.agent != agent:
-                        raise ValueError(f"{request.episode} cannot share a batch with episodes of {agent}")
-                    if _measures_inference(request) or (check and not self._may_share(request, width)):
+        with self._closing_cut_off():
+            with suppress(GeneratorExit):  # the caller wants no more of them: nobody is in the middle of a tick
+                while True:
+                    while len(live) < width and (request := take()) is not None:
+                        if request.episode.agent != agent:
+                            raise ValueError(f"{request.episode} cannot share a batch with episodes of {agent}")
+                        if _measures_inference(request) or (check and not self._may_share(request, width)):
+                            yield request, self.drive_once(request, width)
+                        else:
+                            live[self._begin(request)] = request
+                    if not live:
+                        break
+                    broken: list[EpisodeRequest] = []
+                    try:
+                        self._round(live, batch)
+                    except AgentError:  # nobody knows by whose fault
+                        spoilt = [running for running in live if not running.over]
+                        self._free_worlds += [running.simulator for running in spoilt]
+                        broken = [live.pop(running) for running in spoilt]
+                    over = [(live.pop(running), running) for running in tuple(live) if running.over]
+                    yield from [(request, self._end(request, running, width)) for request, running in over]
+                    for request in broken:
                         yield request, self.drive_once(request, width)
-                    else:
-                        live[self._begin(request)] = request
-                if not live:
-                    return
-                broken: list[EpisodeRequest] = []
-                try:
-                    self._round(live, batch)
-                except AgentError:  # nobody knows by whose fault
-                    spoilt = [running for running in live if not running.over]
-                    self._free_worlds += [running.simulator for running in spoilt]
-                    broken = [live.pop(running) for running in spoilt]
-                over = [(live.pop(running), running) for running in tuple(live) if running.over]
-                yield from [(request, self._end(request, running, width)) for request, running in over]
-                for request in broken:
-                    yield request, self.drive_once(request, width)
-        finally:  # also when the caller wants no more of them
             self._free_agents.setdefault(agent, []).extend(batch.give_back())
             self._free_worlds += [running.simulator for running in live]
 
@@ -203,13 +204,27 @@ class EpisodeDriver:
         """Return what came of an episode; keep what can be used again, and nothing that may be in any state."""
         result, world = running.result(request.episode), running.simulator
         if result.outcome is Outcome.INFRA_ERROR:
-            self._worlds.remove(world)
+            self._worlds = [one for one in self._worlds if one is not world]
             world.close()
         else:
             self._free_worlds.append(world)
             if result.outcome is not Outcome.AGENT_ERROR:
                 self._free_agents.setdefault(request.episode.agent, []).append(running.agent)
         return with_machine(result, running.agent, world)
+
+    @contextmanager
+    def _closing_cut_off(self) -> Iterator[None]:
+        """Close what worlds are in use when something is raised: they may be in the middle of a tick."""
+        try:
+            yield
+        except BaseException:
+            free = set(map(id, self._free_worlds))
+            in_use = [world for world in self._worlds if id(world) not in free]
+            self._worlds = list(self._free_worlds)
+            for world in in_use:
+                with suppress(Exception):  # told is what cut it off
+                    world.close()
+            raise
 
     def _take_agent(self, name: str) -> Agent:
         free = self._free_agents.get(name)

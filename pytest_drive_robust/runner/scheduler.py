@@ -137,7 +137,6 @@ class Scheduler:
         for key, (request, future, claim) in tuple(self._under_way.items()):
             if not future.done():
                 continue
-            del self._under_way[key]
             try:
                 if future.cancelled():  # the test that drove it in this process was interrupted
                     continue
@@ -149,6 +148,7 @@ class Scheduler:
                 self._seen.add(key)
             finally:
                 claim.release()
+                del self._under_way[key]  # not before: who interrupts us leaves it to the next call, or to close()
             self._note_duration(request, future.result().wall_s)
             self._observer(Finished(key, future.result().wall_s))
 
@@ -216,16 +216,15 @@ class Scheduler:
         if claim is None:
             self._elsewhere.add(key)
             return False
-        if self._store.get(key) is not None:  # finished since we looked
-            claim.release()
-            self._elsewhere.add(key)
+        try:  # from here on, whatever raises: a claim that stays would be waited for to the end of this process
             self._later.pop(key, None)
-            return True
-        self._later.pop(key, None)
-        agent, setting = request.episode.agent, request.episode.setting
-        self._observer(Started(key, agent, setting, request.route.label, self._executor.together(agent)))
-        self._tell_compiling()  # before an executor drives, and compiles, in this thread
-        try:
+            if self._store.get(key) is not None:  # finished since we looked
+                claim.release()
+                self._elsewhere.add(key)
+                return True
+            agent, setting = request.episode.agent, request.episode.setting
+            self._observer(Started(key, agent, setting, request.route.label, self._executor.together(agent)))
+            self._tell_compiling()  # before an executor drives, and compiles, in this thread
             self._under_way[key] = _Drive(request, self._executor.submit(request), claim)
         except BaseException:
             claim.release()

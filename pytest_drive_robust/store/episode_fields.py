@@ -51,6 +51,15 @@ def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult
     return EpisodeResult(episode=episode, trace=trace, **facts)
 
 
+def unstorable(name: str, value: object) -> str | None:
+    """Return why no record takes `value` as the field `name` of an episode, None where one does."""
+    try:
+        _FACTS[name](plain(value))
+    except Exception as error:  # whatever a world calls a number
+        return f"{name}: {error}"
+    return None
+
+
 def _text(value: object) -> str:
     if not isinstance(value, str):
         raise TypeError(f"expected text, got {type(value).__name__}")
@@ -80,7 +89,14 @@ def _several(read: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _object(cls: type, **readers: Callable[[Any], Any]) -> Callable[[Mapping[str, Any]], Any]:
-    return lambda told: cls(**{name: read(told[name]) for name, read in readers.items()})
+    return lambda told: cls(**{name: _named(name, read, told[name]) for name, read in readers.items()})
+
+
+def _named(name: str, read: Callable[[Any], Any], value: object) -> Any:
+    try:
+        return read(value)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: {error}") from None
 
 
 _coordinate = partial(_number, low=-_LARGEST)

@@ -35,8 +35,9 @@ class FolderStore:
     `run` names the run: what it drove itself counts whatever its end was, what other runs drove counts where driving
     again would give the same (see `is_reusable`), and not at all with `fresh`.
 
-    What cannot be written to `folder` (disk full, no permission) is kept in memory and in `spill`, a folder of this
-    run that its other processes open with, too; without one, no other process sees it.
+    What cannot be written to `folder` (disk full, no permission), and a time-out where another run stored a whole
+    drive, is kept in memory and in `spill`, a folder of this run that its other processes open with, too; without one,
+    no other process sees it.
     """
 
     def __init__(self, folder: Path, *, run: str = "", fresh: bool = False, spill: Path | None = None) -> None:
@@ -60,7 +61,7 @@ class FolderStore:
         known = self._known.get(key)
         if known is not None:
             return known
-        for files in (self._files, self._spill):
+        for files in (self._spill, self._files):  # what this run drove itself comes first
             found = None if files is None else self._found(files, key)
             if found is not None:
                 self._known[key] = found
@@ -68,9 +69,15 @@ class FolderStore:
         return None
 
     def put(self, key: str, result: EpisodeResult) -> None:
-        """Keep a finished episode; other processes see all of it or nothing."""
+        """Keep a finished episode; other processes see all of it or nothing.
+
+        One that no other run may reuse is kept for this run alone where a reusable one is stored.
+        """
         self._known[key] = result
         data = encode_episode(result, {"key": key, "run": self._run})
+        if not is_reusable(result) and self._has_reusable(key):
+            self._write_spill(key, data)
+            return
         try:
             self._files.write(key, data)
         except OSError as error:
@@ -84,6 +91,13 @@ class FolderStore:
     def problems(self) -> tuple[str, ...]:
         """Return what went wrong with the folder and its files, one sentence each, every one once."""
         return tuple(self._problems)
+
+    def _has_reusable(self, key: str) -> bool:
+        try:
+            data = self._files.read(key)
+            return data is not None and is_reusable(decode_record(data, key=key).result)
+        except (CorruptRecordError, OSError):
+            return False
 
     def _found(self, files: RecordFiles, key: str) -> EpisodeResult | None:
         seen = (files.folder, key)

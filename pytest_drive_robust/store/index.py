@@ -46,9 +46,10 @@ def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
     try:
         with contextlib.closing(_open(files.folder / _FILE)) as database:
             return _updated(database, files)
-    except (sqlite3.Error, OSError):
-        with contextlib.suppress(OSError):
-            (files.folder / _FILE).unlink()
+    except (sqlite3.Error, OSError) as error:
+        if "locked" not in str(error):  # else another command has it open and is at work
+            with contextlib.suppress(OSError):
+                (files.folder / _FILE).unlink()
         with contextlib.closing(sqlite3.connect(":memory:")) as database:  # the folder may be read-only
             _create(database)
             return _updated(database, files)
@@ -57,23 +58,29 @@ def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
 def _open(path: Path) -> sqlite3.Connection:
     database = sqlite3.connect(path, timeout=5.0)
     try:
-        (version,) = database.execute("PRAGMA user_version").fetchone()
-        if version != _VERSION:
-            database.execute("DROP TABLE IF EXISTS records")
-            _create(database)
+        if _version(database) != _VERSION:
+            with database:
+                database.execute("BEGIN IMMEDIATE")  # another command may be making it at the same time
+                if _version(database) != _VERSION:
+                    database.execute("DROP TABLE IF EXISTS records")
+                    _create(database)
     except BaseException:
         database.close()
         raise
     return database
 
 
+def _version(database: sqlite3.Connection) -> int:
+    (version,) = database.execute("PRAGMA user_version").fetchone()
+    return int(version)
+
+
 def _create(database: sqlite3.Connection) -> None:
-    with database:
-        database.execute(
-            "CREATE TABLE records (key TEXT PRIMARY KEY, state TEXT, size INTEGER, run TEXT, agent TEXT, route_id TEXT,"
-            " setting TEXT, seed TEXT, outcome TEXT, end TEXT, wall_s REAL, problem TEXT)"
-        )
-        database.execute(f"PRAGMA user_version = {_VERSION}")
+    database.execute(
+        "CREATE TABLE records (key TEXT PRIMARY KEY, state TEXT, size INTEGER, run TEXT, agent TEXT, route_id TEXT,"
+        " setting TEXT, seed TEXT, outcome TEXT, end TEXT, wall_s REAL, problem TEXT)"
+    )
+    database.execute(f"PRAGMA user_version = {_VERSION}")
 
 
 def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEpisode]:

@@ -103,7 +103,8 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
 
     Always: records that were set aside, those whose end no other run may reuse, and what writers left that died. With
     `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only where
-    both hold). Records that a living process has claimed stay. `dry` removes nothing.
+    both hold). Records that a living process has claimed, or
+    replaced meanwhile, stay. `dry` removes nothing.
     """
     files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
     now_s = _now_s(folder)
@@ -115,6 +116,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
         asked = older_than_s is not None or bool(wanted)
         return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
 
+    states = {key: files.state(key) for key in files.all_keys()}  # before the index reads them
     records = [files.path(row.key) for row in indexed_episodes(files) if not row.problem and goes(row)]
     aside = _set_aside(folder)
     halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
@@ -123,7 +125,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     problems: list[str] = []
     if not dry:
         for path in (*records, *locks):  # a lock that nobody holds goes with its release
-            problems += _remove_unclaimed(path, claims)
+            problems += _remove_unclaimed(path, claims, files, states.get(path.stem))
         for path in (*aside, *halves):
             problems += _remove(path)
     went = [[path for path in paths if dry or not path.exists()] for paths in (records, aside, halves, locks)]
@@ -132,12 +134,13 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     return Swept(counts[0], counts[1], counts[2] + counts[3], size, tuple(problems))
 
 
-def _remove_unclaimed(path: Path, claims: Claims) -> list[str]:
+def _remove_unclaimed(path: Path, claims: Claims, files: RecordFiles, state: tuple[int, int, int] | None) -> list[str]:
+    """Remove a record that is in that `state`: another run may have replaced it since we looked at it."""
     claim = claims.attempt(path.stem)
     if claim is None:
         return []
     with claim:
-        return _remove(path) if path.suffix == SUFFIX else []
+        return _remove(path) if path.suffix == SUFFIX and files.state(path.stem) == state else []
 
 
 def _is_reusable(row: IndexedEpisode) -> bool:

@@ -8,7 +8,8 @@ import pytest
 from controllers import Perfect, Steer, by_waypoints
 
 from drive_robust_agents._wrappers import tuning
-from drive_robust_agents._wrappers.pid import Pedals, Point
+from drive_robust_agents._wrappers.pid import Point
+from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
@@ -28,7 +29,7 @@ def test_a_future_ages_by_ticks_of_the_world_and_not_by_calls(sentence: str) -> 
     def make() -> Steer:
         steer = by_waypoints(tuning.UNIAD, 6)()
 
-        def noting(net: Perfect, ego: EgoState, mps: float, target: Point) -> Pedals:
+        def noting(net: Perfect, ego: EgoState, mps: float, target: Point) -> Control:
             asked.append((world.frame.tick, net.age_ticks))
             (forward, _), *_ = net.waypoints(ego, 0.05, 1)
             behind.append(-forward)

@@ -8,12 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from guarded_worlds import alive, gone_within, request
+from guarded_worlds import FAKE, alive, gone_within, request
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.fork_server import ForkServer
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.engine.worker_setup import Limits
+
+TORCH_IN_THE_DRIVE = Limits(episode_s=300.0)
+"""Loading torch may take longer than other tests let an agent act."""
 
 
 @pytest.fixture
@@ -38,6 +41,39 @@ def test_everything_that_can_be_put_back_is_put_back(supervisor: Supervisor) -> 
     assert supervisor.pid == pid
 
 
+@pytest.mark.slow
+def test_torch_is_put_back_as_it_was_loaded_whoever_loaded_it(make_supervisor: Callable[..., Supervisor]) -> None:
+    alone = make_supervisor(TORCH_IN_THE_DRIVE).drive(request("TellsTorch")).end_detail
+    assert "'highest'" in alone
+    other = make_supervisor(TORCH_IN_THE_DRIVE)
+    first = other.drive(request("SetsTorch"))
+    pid = other.pid
+    assert first.outcome is Outcome.COMPLETED
+    assert other.drive(request("TellsTorch")).end_detail == alone
+    assert other.drive(request("SetsTorch")).trace.digest == first.trace.digest  # it has what it set itself again
+    broken = {other.drive(request("SetsTorchAndRaises")).end_detail for _ in range(2)}
+    assert len(broken) == 1
+    assert "'tf32'" in broken.pop()
+    assert other.pid == pid is not None
+
+
+@pytest.mark.slow
+def test_torch_is_put_back_also_when_it_is_loaded_in_the_drive(make_supervisor: Callable[..., Supervisor]) -> None:
+    supervisor = make_supervisor(TORCH_IN_THE_DRIVE)
+    first = supervisor.drive(request("LoadsTorchInTheDrive"))
+    pid = supervisor.pid
+    assert first.outcome is Outcome.COMPLETED
+    assert supervisor.drive(request("LoadsTorchInTheDrive")).trace.digest == first.trace.digest
+    assert supervisor.pid == pid is not None
+
+
+def test_a_process_that_computes_without_subnormals_is_replaced(supervisor: Supervisor) -> None:
+    first = supervisor.drive(request("FlushesByOnnxRuntime"))
+    assert first.outcome is Outcome.COMPLETED
+    assert supervisor.pid is None
+    assert first.trace.digest != supervisor.drive(request("Steady")).trace.digest
+
+
 def test_a_folder_that_is_gone_does_no_harm(supervisor: Supervisor) -> None:
     before = surroundings(supervisor)
     assert supervisor.drive(request("MovesIntoAFolderThatGoesAway")).outcome is Outcome.COMPLETED
@@ -55,6 +91,19 @@ def test_the_global_generators_start_alike_whatever_was_driven_before(
     assert alone.outcome is Outcome.COMPLETED
     assert again.trace.digest == alone.trace.digest
     assert other.drive(request("Draws", seed=3)).trace.digest != alone.trace.digest
+
+
+def test_strings_have_the_same_hashes_in_every_run_unless_the_user_says_otherwise(
+    make_supervisor: Callable[..., Supervisor], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def driven() -> str:
+        return make_supervisor(simulator=FAKE).drive(request("DrivesByHashes")).trace.digest
+
+    monkeypatch.delenv("PYTHONHASHSEED", raising=False)
+    usual = driven()
+    assert driven() == usual
+    monkeypatch.setenv("PYTHONHASHSEED", "77")
+    assert driven() != usual
 
 
 def test_what_is_printed_is_kept_only_at_its_end(make_supervisor: Callable[..., Supervisor]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import contextlib
 import ctypes
+import hashlib
 import json
 import locale
 import logging
@@ -25,8 +26,10 @@ import numpy as np
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.runner.episode.machine import _PROBE
 
 FAULT_TICK = 30
+SMALLEST = 5e-324
 FULL = Control(throttle=1.0)
 
 
@@ -245,6 +248,11 @@ class Draws(Steady):
         return Control(throttle=(random.random() + float(np.random.rand())) / 2.0)
 
 
+class DrivesByHashes(Steady):
+    def act(self, observation: Observation) -> Control:
+        return Control(throttle=hash("left") % 1000 / 1000.0)
+
+
 class MeddlesWithEverything(Steady):
     def fault(self, observation: Observation) -> object:
         os.chdir("/")
@@ -282,6 +290,66 @@ class TellsItsSurroundings(Steady):
             str(np.get_printoptions()), str(np.geterr()), locale.setlocale(locale.LC_ALL),
         )  # fmt: skip
         raise RuntimeError(json.dumps(facts))
+
+
+class SetsTorch(Steady):
+    """The first to load torch, and drives by what it has set there."""
+
+    def __init__(self) -> None:
+        import torch
+
+        torch.set_default_dtype(torch.float64)
+        torch.set_default_device("meta")
+        torch.set_flush_denormal(True)
+        torch.set_float32_matmul_precision("medium")
+        torch.backends.cudnn.deterministic = True
+        torch.backends.cuda.matmul.fp32_precision = "tf32"  # what is older cannot be read any more
+        torch.backends.mkldnn.enabled = False
+
+    def act(self, observation: Observation) -> Control:
+        return Control(throttle=(int(hashlib.md5(torch_settings().encode()).hexdigest(), 16) % 100) / 100.0)
+
+
+class SetsTorchAndRaises(SetsTorch):
+    def act(self, observation: Observation) -> Control:
+        raise RuntimeError(torch_settings())
+
+
+class TellsTorch(Steady):
+    def fault(self, observation: Observation) -> object:
+        raise RuntimeError(torch_settings())
+
+
+class LoadsTorchInTheDrive(Steady):
+    """Loads torch, sets it and drives by what it was before."""
+
+    def fault(self, observation: Observation) -> object:
+        before = torch_settings()
+        SetsTorch()
+        return Control(throttle=(int(hashlib.md5(before.encode()).hexdigest(), 16) % 100) / 100.0)
+
+
+def torch_settings() -> str:
+    import torch
+
+    matmul = torch.backends.cuda.matmul.fp32_precision
+    facts = (torch.get_default_dtype(), torch.get_default_device(), torch.backends.mkldnn.enabled, matmul)
+    precision = torch.get_float32_matmul_precision() if matmul == "none" else "cannot be read"
+    return repr((*facts, precision, torch.backends.cudnn.deterministic, SMALLEST * 4.0))
+
+
+class FlushesByOnnxRuntime(Steady):
+    """Has its process compute without subnormals, and nothing there that can be told to stop that."""
+
+    def __init__(self) -> None:
+        import onnxruntime
+
+        options = onnxruntime.SessionOptions()
+        options.add_session_config_entry("session.set_denormal_as_zero", "1")
+        onnxruntime.InferenceSession(_PROBE, options, providers=["CPUExecutionProvider"])
+
+    def act(self, observation: Observation) -> Control:
+        return Control(throttle=1.0 if SMALLEST * 4.0 > 0.0 else 0.5)
 
 
 class MovesIntoAFolderThatGoesAway(Steady):

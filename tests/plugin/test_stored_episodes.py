@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.results.run import read_run
 from pytest_drive_robust.store.maintenance import statistics
 
 SENTENCES = ("DS under clean >= 90", "RD under throttle 0.9 <= 0.30")
@@ -14,12 +16,25 @@ from pytest_drive_robust.testing import ScriptedAgent
 def own():
     return ScriptedAgent([Control(throttle=1.0)])
 """
+MOODY = """
+
+def moody(options):
+    breaks = {"raises": RuntimeError("no map"), "raises_in": "step", "raises_at": 3}
+    return LoggedSimulator(replace(options, tick_cap=60), **(breaks if "NO_MAP" in os.environ else {}))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("moody", moody)
+"""
+"""A world that breaks while the environment says so, of which the keys of episodes know nothing."""
 
 
 @pytest.fixture
 def rerun(suite, driven):
     """`rerun(arguments)` runs the suite and tells how many episodes it drove, and how it ended."""
-    folder = suite(*SENTENCES)
+    folder = suite(*SENTENCES, conftest=MOODY)
     folder.makepyfile(agent_module=AGENT)
 
     def run(*arguments: str):
@@ -88,6 +103,24 @@ def test_what_the_agent_breaks_is_taken_over_and_what_the_simulator_breaks_is_no
     first, second = (rerun("--drive-sim", "broken")[1] for _ in range(2))
     assert first.ret == second.ret == 1
     assert statistics(rerun.folder.path / ".drive-robust").reusable == 6
+
+
+@pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one process", "two workers"])
+def test_a_world_that_breaks_today_takes_no_drive_away_from_earlier_runs(rerun, monkeypatch, workers):
+    arguments = ("--drive-sim", "moody")
+    monkeypatch.chdir(rerun.folder.path)
+    assert rerun(*arguments, "--drive-save=one")[1].ret == 0
+    monkeypatch.setenv("NO_MAP", "today")
+    result = rerun(*arguments, "--drive-fresh", "--drive-save=two", *workers)[1]
+    result.assert_outcomes(errors=2)
+    monkeypatch.delenv("NO_MAP")
+    count, result = rerun(*arguments)
+    assert (count, result.ret) == (0, 0)
+    driven, broken = read_run("one").episodes, read_run("two").episodes
+    assert Outcome.INFRA_ERROR not in {item.outcome for item in driven}
+    assert all(len(item.trace.rows) == item.ticks > 3 for item in driven)
+    assert {item.outcome for item in broken} == {Outcome.INFRA_ERROR}
+    assert all("no map" in item.end_detail for item in broken)
 
 
 def test_a_damaged_record_is_driven_again_and_said_so(rerun):

@@ -89,6 +89,6 @@ class BevAgent(LearnedAgent):
         self._memory.keep(observation.tick, Sensed.of(observation), outputs)
         way = tuple((float(x), float(y)) for x, y in self.waypoints(outputs))
         self._planned = PlannedPath(path=way, target_points=targets, speed_points=way)
-        pedals = self._controller.step(way, observation.speed.mps, targets[0])
-        brake = 0.0 if pedals.throttle > pedals.brake else pedals.brake
-        return self._given(Control(pedals.throttle, pedals.steer, brake), observation.speed.mps)
+        control = self._controller.step(way, observation.speed.mps, targets[0])
+        brake = 0.0 if control.throttle > control.brake else control.brake
+        return self._given(Control(control.throttle, control.steer, brake), observation.speed.mps)

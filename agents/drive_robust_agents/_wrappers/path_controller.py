@@ -12,7 +12,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drive_robust_agents._wrappers.pid import Gains, Pedals, Point, WindowedPid, turn_of
+from drive_robust_agents._wrappers.pid import Gains, Point, WindowedPid, turn_of
+from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["Creep", "PathController", "PathTuning", "along"]
@@ -60,7 +61,7 @@ class PathController:
         self.tuning = tuning or PathTuning()
         self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
 
-    def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Pedals:
+    def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Control:
         """Return the controls for this tick; takes at least one point of a path and `speed_to` + 1 waypoints."""
         tuning = self.tuning
         (x0, y0), (x1, y1) = speed_points[tuning.speed_from], speed_points[tuning.speed_to]
@@ -70,7 +71,7 @@ class PathController:
         throttle = min(max(self._speed.step(missing), 0.0), 1.0)
         look = min(max(tuning.look_s * speed_mps + tuning.look_m, tuning.least_look_m), tuning.most_look_m)
         steer = min(max(self._turn.step(turn_of(along(path, look))), -1.0), 1.0)
-        return Pedals(0.0 if brake else throttle, steer, 1.0 if brake else 0.0)
+        return Control(0.0 if brake else throttle, steer, 1.0 if brake else 0.0)
 
 
 class Creep:

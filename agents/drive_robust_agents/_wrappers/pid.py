@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
 __all__ = [
     "Gains",
-    "Pedals",
     "Point",
     "WaypointController",
     "WaypointTuning",
@@ -98,14 +98,6 @@ class WaypointTuning:
     behind_is_right: bool = False
 
 
-class Pedals(NamedTuple):
-    """The controls of a tick, for the car that they are made for."""
-
-    throttle: float
-    steer: float
-    brake: float
-
-
 class WaypointController:
     """Steers for an aim and keeps the speed that lies in the distances between the waypoints.
 
@@ -123,8 +115,8 @@ class WaypointController:
         self.tuning = tuning
         self._turn, self._speed = WindowedPid(tuning.turn), WindowedPid(tuning.speed)
 
-    def step(self, waypoints: Sequence[Point], speed_mps: float, target: Point) -> Pedals:
-        """Return the controls for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
+    def step(self, waypoints: Sequence[Point], speed_mps: float, target: Point) -> Control:
+        """Return the control for this tick. `waypoints` are at least two; `speed_mps` and `target` are as measured."""
         tuning = self.tuning
         aim, desired = self._aim(waypoints)
         turn_to = published_turn_of if tuning.behind_is_right else turn_of
@@ -140,7 +132,7 @@ class WaypointController:
         missing = min(max(desired - speed_mps, 0.0), tuning.most_missing_mps)
         throttle = min(max(self._speed.step(missing), 0.0), tuning.most_throttle)
         throttle = 0.0 if brake else min(throttle, capped_throttle(tuning, speed_mps, steer))
-        return Pedals(throttle, steer, 1.0 if brake else 0.0)
+        return Control(throttle, steer, 1.0 if brake else 0.0)
 
     def _aim(self, waypoints: Sequence[Point]) -> tuple[Point, float]:
         """Return (where to steer for, wanted speed in m/s)."""

@@ -93,7 +93,7 @@ class _Driver:
             self._say(None, nodes)
         for number, (ref, needs, asked) in tuple(self._running.items()):
             if not self._fits(needs):
-                self._end(number, asked.lost(f"no node of the cluster has {_in_words(needs)} any more"))
+                self._end(number, ref, asked.lost(f"no node of the cluster has {_in_words(needs)} any more"))
                 self._ray.cancel(ref, force=True)
 
     def _begin(self, number: int, needs: tuple[float, float], asked: ClusterRequest) -> None:
@@ -105,22 +105,23 @@ class _Driver:
         cores, gpus = needs
         ref = self._drive.options(num_cpus=cores, num_gpus=gpus, max_retries=_LOST_NODES).remote(asked)
         self._running[number] = ref, needs, asked
-        ref.future().add_done_callback(partial(self._done, number, asked))
+        ref.future().add_done_callback(partial(self._done, number, ref, asked))
 
-    def _done(self, number: int, asked: ClusterRequest, future: Any) -> None:
+    def _done(self, number: int, ref: Any, asked: ClusterRequest, future: Any) -> None:
         error = future.exception()
         if error is None:
-            self._end(number, future.result())
+            self._end(number, ref, future.result())
         elif _is_setup(error):
             last_line = str(error).strip().splitlines()[-1].strip()  # after a traceback
-            self._end(number, UsageError(f"the nodes of the cluster cannot run our code: {last_line} {_INSTALL}"))
+            self._end(number, ref, UsageError(f"the nodes of the cluster cannot run our code: {last_line} {_INSTALL}"))
         else:
-            self._end(number, asked.lost(f"{type(error).__name__}: {_brief(error)}"))
+            self._end(number, ref, asked.lost(f"{type(error).__name__}: {_brief(error)}"))
         if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
             _kill_own_group(_LAST_MESSAGES_S)
 
-    def _end(self, number: int, result: EpisodeResult | UsageError) -> None:
-        if self._running.pop(number, None) is not None:  # otherwise it was cancelled or given up
+    def _end(self, number: int, ref: Any, result: EpisodeResult | UsageError) -> None:
+        ours = self._running.get(number, (None,))[0] is ref  # otherwise it was cancelled or given up
+        if ours and self._running.pop(number, None) is not None:
             self._say(number, result)
 
     def _hear(self) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
 import os
 import signal
@@ -77,6 +78,7 @@ class RayExecutor(Executor):
         self._registry = default_registry() if registry is None else registry
         self._latest: tuple[float, float] = (1.0, 0.0)
         self._nodes: tuple[tuple[float, float], ...] = ()  # cores and GPUs of each
+        self._numbers = itertools.count()
         self._pending: dict[int, tuple[ClusterRequest, Future[EpisodeResult]]] = {}
         self._lock = threading.Lock()
         self._closing = False
@@ -99,7 +101,7 @@ class RayExecutor(Executor):
             self._start(self._cluster(self._setup.folder))
         asked = ClusterRequest(self._setup, self._limits, WorkerRequest.of(request), self._address != _LOCAL)
         future: Future[EpisodeResult] = Future()
-        number = id(future)  # it lives as long as the episode is under way
+        number = next(self._numbers)  # never one twice: the answer of an episode that was given up may come late
         with self._lock:
             self._pending[number] = asked, future
         self._write((number, self._latest, asked))

@@ -15,29 +15,39 @@ import signal
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableMapping, Sequence
+from contextlib import suppress
 from functools import partial
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from pytest_drive_robust.engine.worker.system import child_processes, descriptor_identity, resident_bytes
+from pytest_drive_robust.runner.episode.after_import import AfterImport
 
 _MOST_FILES = 100
 _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__")
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
+_SUBNORMAL = 5e-324
 _SIGNALS = sorted(signal.valid_signals() - {getattr(signal, name, None) for name in ("SIGKILL", "SIGSTOP")})
 
 
 class _Item(NamedTuple):
-    """One thing to look after. `module`: only when that one is loaded."""
+    """One thing to look after. `module`: only when that one is loaded. What cannot be read now is left out."""
 
     read: Callable[[], Any]
     write: Callable[[Any], object]
     module: str = "builtins"
 
 
-def read_process_state() -> Mapping[int, Any]:
+def read_process_state() -> dict[int, Any]:
     """Return how things are now; `restore_process_state` makes them so again."""
-    return {number: item.read() for number, item in enumerate(_ITEMS) if item.module in sys.modules}
+    return _read(module for module in {item.module for item in _ITEMS} if module in sys.modules)
+
+
+def add_late_modules(state: dict[int, Any]) -> None:
+    """Have the settings of a module that is not loaded yet added as soon as it is: nobody has changed them then."""
+    for name in {item.module for item in _ITEMS} - set(sys.modules):
+        AfterImport(name, lambda module: state.update(_read([module.__name__]))).wait()
 
 
 def restore_process_state(wanted: Mapping[int, Any]) -> bool:
@@ -45,10 +55,21 @@ def restore_process_state(wanted: Mapping[int, Any]) -> bool:
     return all([_restore(_ITEMS[number], value) for number, value in wanted.items()])  # noqa: C419 - each of them
 
 
+def _read(modules: Iterable[str]) -> dict[int, Any]:
+    """Return what can be read of these modules' items."""
+    wanted, state = set(modules), {}
+    for number, item in enumerate(_ITEMS):
+        if item.module in wanted:
+            with suppress(Exception):  # an older torch lacks some, and mixed ways of setting TF32 make it refuse
+                state[number] = item.read()
+    return state
+
+
 def _restore(item: _Item, value: Any) -> bool:
     try:
-        if item.read() == value:
-            return True
+        with suppress(Exception):  # see `_read`: writing it makes it readable again
+            if item.read() == value:
+                return True
         item.write(value)
         return bool(item.read() == value)
     except Exception:  # the folder is gone, a handler cannot be installed, ...: another process can
@@ -103,6 +124,16 @@ def _pair(module: str, getter: str, setter: str) -> _Item:
     return _Item(lambda: getattr(sys.modules[module], getter)(), write, module)
 
 
+def _torch(path: str) -> _Item:
+    """Look after an attribute below torch, such as "backends.mkldnn.enabled"."""
+    owner, _, name = path.rpartition(".")
+
+    def write(wanted: Any) -> None:
+        setattr(attrgetter(owner)(sys.modules["torch"]), name, wanted)
+
+    return _Item(lambda: attrgetter(path)(sys.modules["torch"]), write, "torch")
+
+
 def _list(owner: Any, name: str) -> _Item:
     """Look after the elements of a list that stays the same object."""
 
@@ -125,6 +156,19 @@ def _mapping(owner: MutableMapping[str, Any]) -> _Item:
 
 def _timer(which: int) -> _Item:
     return _Item(lambda: signal.getitimer(which), lambda wanted: signal.setitimer(which, *wanted))
+
+
+def _keeps_subnormals() -> bool:
+    """Return whether this thread computes with numbers below the normal ones, or takes them for 0."""
+    return _SUBNORMAL * 4.0 > 0.0
+
+
+def _keep_subnormals(wanted: bool) -> None:
+    sys.modules["torch"].set_flush_denormal(not wanted)  # ONNX Runtime can change it, too, but not back
+
+
+def _set_default_device(wanted: Any) -> None:
+    sys.modules["torch"].set_default_device(None if wanted.type == "cpu" else wanted)  # None costs nothing per call
 
 
 def _umask() -> int:
@@ -162,9 +206,20 @@ _ITEMS = (
     _Item(partial(locale.setlocale, locale.LC_ALL), partial(locale.setlocale, locale.LC_ALL)),
     _pair("numpy", "geterr", "seterr"),
     _pair("numpy", "get_printoptions", "set_printoptions"),
+    _Item(_keeps_subnormals, _keep_subnormals),
     _pair("torch", "get_default_dtype", "set_default_dtype"),
+    _Item(lambda: sys.modules["torch"].get_default_device(), _set_default_device, "torch"),
     _pair("torch", "get_num_threads", "set_num_threads"),
     _pair("torch", "is_grad_enabled", "set_grad_enabled"),
     _pair("torch", "are_deterministic_algorithms_enabled", "use_deterministic_algorithms"),
+    _torch("backends.mkldnn.enabled"),
+    *(_torch(f"backends.cudnn.{name}") for name in ("enabled", "benchmark", "deterministic", "allow_tf32")),
+    _torch("backends.cuda.matmul.allow_tf32"),
+    _torch("backends.cuda.matmul.allow_fp16_reduced_precision_reduction"),
+    _torch("backends.cuda.matmul.allow_bf16_reduced_precision_reduction"),
+    _pair("torch", "get_float32_matmul_precision", "set_float32_matmul_precision"),
+    # after those above, which set some of these
+    *(_torch(f"backends.{name}fp32_precision") for name in ("", "cuda.matmul.", "cudnn.", "cudnn.conv.", "cudnn.rnn.")),
+    *(_torch(f"backends.mkldnn.{name}fp32_precision") for name in ("", "matmul.", "conv.", "rnn.")),
     _pair("cv2", "getNumThreads", "setNumThreads"),
 )

@@ -14,7 +14,12 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.messages import answer_bytes, receive
 from pytest_drive_robust.engine.shared_state import CUT_OFF, SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
-from pytest_drive_robust.engine.worker.process_state import Leftovers, read_process_state, restore_process_state
+from pytest_drive_robust.engine.worker.process_state import (
+    Leftovers,
+    add_late_modules,
+    read_process_state,
+    restore_process_state,
+)
 from pytest_drive_robust.engine.worker.system import limit_memory
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.registry.registry import Registry
@@ -37,6 +42,7 @@ def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, r
     limit_memory(limits.memory_bytes)
     handler = RequestHandler(worker_setup, registry, state, connection)
     start = read_process_state()
+    add_late_modules(start)
     leftovers = Leftovers((0, 1, 2, connection.fileno(), faults), growth_bytes=limits.growth_bytes)
     machine_facts()  # before an agent can change what numpy does
     own = os.getpid()

@@ -43,7 +43,7 @@ _DECIDING = tuple(
     for name in (
         *("arithmetic", "jit", "domain", "perturbations", "runner.driver", "runner.episode.loop"),
         *("runner.episode.contract", "runner.episode.surroundings"),
-        *("runner.episode.witness", "runner.episode.generators", "simulators.base"),
+        *("runner.episode.witness", "runner.episode.generators", "runner.episode.after_import", "simulators.base"),
     )
 )
 """What of ours decides the numbers of every episode, by name: a run from the store imports none of it to be driven.

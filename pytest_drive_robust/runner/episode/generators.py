@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 import random
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.abc import MetaPathFinder
-from importlib.machinery import ModuleSpec
-from types import ModuleType
 from typing import Any
+
+from pytest_drive_robust.runner.episode.after_import import AfterImport
 
 
 @contextmanager
@@ -20,7 +18,7 @@ def borrowed_generators(text: str) -> Iterator[None]:
     import numpy.random
 
     python, numbers, late_seed, torch = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed, _torch()
-    state = None if torch is None else torch.get_rng_state()
+    state = None if torch is None else _state_of(torch)
     seed_generators(text)
     try:
         yield
@@ -33,7 +31,7 @@ def borrowed_generators(text: str) -> Iterator[None]:
         elif state is None and late_seed is not None:  # what is around us waited for it, too
             torch.manual_seed(late_seed)
         else:
-            torch.set_rng_state(_LATE_TORCH.first_state if state is None else state)
+            _put_back(torch, _LATE_TORCH.first_state if state is None else state)
 
 
 def seed_generators(text: str) -> None:
@@ -54,39 +52,40 @@ def _torch() -> Any:
     return sys.modules.get("torch")
 
 
-class _LateTorch(MetaPathFinder):
-    """Finds torch as usual, and has it seeded as soon as it is loaded. `first_state` is how it came."""
+def _state_of(torch: Any) -> tuple[Any, Any]:
+    """Return the state of the generator of the CPU, and those of CUDA devices; None while nobody can draw from them."""
+    return torch.get_rng_state(), torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else None
+
+
+def _put_back(torch: Any, state: tuple[Any, Any]) -> None:
+    cpu, cuda = state
+    torch.set_rng_state(cpu)
+    if cuda is None:  # it was seeded with the CPU, and nobody drew since
+        torch.cuda.manual_seed_all(torch.initial_seed())
+    else:
+        torch.cuda.set_rng_state_all(cuda)
+
+
+class _LateTorch:
+    """Has torch seeded as soon as it is loaded. `first_state` is how it came."""
 
     seed: int | None = None
     first_state: Any = None
 
+    def __init__(self) -> None:
+        self._import = AfterImport("torch", self._seed)
+
     def wait(self, seed: int | None) -> None:
         """Seed torch with this when it is loaded, with nothing for None."""
         self.seed = seed
-        if seed is None and self in sys.meta_path:
-            sys.meta_path.remove(self)
-        elif seed is not None and self not in sys.meta_path:
-            sys.meta_path.insert(0, self)
+        if seed is None:
+            self._import.forget()
+        else:
+            self._import.wait()
 
-    def find_spec(
-        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        if fullname != "torch":
-            return None
-        seed = self.seed
-        self.wait(None)
-        spec = importlib.util.find_spec(fullname)
-        loader: Any = None if spec is None else spec.loader
-        if loader is not None:
-            load = loader.exec_module
-
-            def load_and_seed(module: Any) -> None:
-                load(module)
-                self.first_state = module.get_rng_state()
-                module.manual_seed(seed)
-
-            loader.exec_module = load_and_seed
-        return spec
+    def _seed(self, torch: Any) -> None:
+        self.first_state = _state_of(torch)
+        torch.manual_seed(self.seed)
 
 
 _LATE_TORCH = _LateTorch()

@@ -6,7 +6,7 @@ import copy
 import time
 from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import TypeVar
 
 import numpy as np
@@ -25,6 +25,7 @@ from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras
 from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
 from pytest_drive_robust.runner.episode.witness import Witness
 from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
+from pytest_drive_robust.store.episode_fields import unstorable
 
 _Given = TypeVar("_Given")
 _OUTCOMES = {
@@ -333,6 +334,10 @@ def _checked_score(score: object) -> EpisodeScore:
     for item in score.infractions:
         if not isinstance(item, Infraction):
             raise SimulationError(f"score() gave the infraction {item!r}, expected Infraction objects")
+    for field in fields(EpisodeScore):
+        problem = unstorable(field.name, getattr(score, field.name))
+        if problem is not None:
+            raise SimulationError(f"score() gave what cannot be stored, {problem}")
     return score
 
 
@@ -341,4 +346,7 @@ def _checked_schedule(schedule: tuple[Injection, ...]) -> tuple[Injection, ...]:
     for item in schedule:
         if not isinstance(item, Injection):
             raise SimulationError(f"schedule() of a perturbation gave {item!r}, expected Injection objects")
+    problem = unstorable("schedule", schedule)
+    if problem is not None:
+        raise SimulationError(f"schedule() of a perturbation gave what cannot be stored, {problem}")
     return schedule

@@ -45,14 +45,17 @@ class Surroundings:
 
     def see(self, state: WorldState) -> None:
         """Keep the world at the beginning of a tick that is a multiple of `EVERY_TICKS`."""
+        try:
+            self._note(state)
+        except Exception:  # a table of another width than before, or none at all
+            self._strange = True
+
+    def _note(self, state: WorldState) -> None:
         actors, ego = state.actors, state.ego
         used, ends = self._used, self._used + len(actors)
         if self._rows is None or ends > len(self._rows):
             self._grow(actors, ends)
-        try:
-            self._rows[used:ends] = actors
-        except ValueError:  # another width than before
-            self._strange = True
+        self._rows[used:ends] = actors
         self._used = ends
         self._egos.append((len(actors), ego.x_m, ego.y_m))
         self._lights.append(state.lights.copy())

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import pytest
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.results import TABLES, read_run
+from pytest_drive_robust.results.tables import columns_of
 
 pytestmark = pytest.mark.slow
 
@@ -31,6 +33,14 @@ def test_a_file_of_a_run_and_a_store_elsewhere(driven, tmp_path, monkeypatch):
     file = driven / ".drive-robust" / "runs" / "one.json"
     assert [len(result.trace.rows) for result in read_run(file).episodes] == [0, 0]
     assert all(len(result.trace.rows) for result in read_run(file, store=driven / ".drive-robust").episodes)
+
+
+def test_every_table_has_its_columns_though_it_has_no_rows(project):
+    run = read_run("one")
+    empty = replace(run, requirements=(), episodes=())
+    names = [[list(columns_of(one, table)) for table in TABLES] for one in (empty, run)]
+    assert names[0] == names[1]
+    assert columns_of(empty, "requirements")["verdict"] == []
 
 
 def test_the_frames_agree_with_the_objects(project):

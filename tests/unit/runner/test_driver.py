@@ -12,11 +12,13 @@ import pytest
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
-from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.domain.route import GlobalPlan, Route
+from pytest_drive_robust.domain.truth import WorldState
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.plugin.probe_option import drive_twice
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.driver import make_agent
+from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.generators import seed_generators
 from pytest_drive_robust.runner.executors import Executor, InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
@@ -162,3 +164,65 @@ def test_making_an_agent_and_driving_it_leave_the_generators_as_they_were(
     make_agent(registry, "DrawsFromTorch" if draw is torch_draw else "DrawsOnce")
     digests(one_by_one(registry), "DrawsAlways", "12")
     assert [*found, draw()] == expected
+
+
+class Noted(FakeSimulator):
+    """A world that tells which of its kind are open."""
+
+    open: dict[int, Noted]
+
+    def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+        assert id(self) in self.open
+        return super().reset(route, seed=seed, cameras=cameras)
+
+    def close(self) -> None:
+        del self.open[id(self)]
+
+
+class TimedOutTest(BaseException):
+    """What a timeout for tests raises wherever the process is."""
+
+
+class CutOff(DrawsOnce):
+    """In whose first tick that happens."""
+
+    def act(self, observation: Observation) -> Control:
+        raise TimedOutTest
+
+    @staticmethod
+    def act_batch(agents: Sequence[DrawsOnce], observations: Sequence[Observation]) -> list[Control]:
+        raise TimedOutTest
+
+
+def no_weights() -> DrawsOnce:
+    raise UsageError("no weights")
+
+
+@pytest.mark.parametrize(
+    ("agent", "error"),
+    [(CutOff, TimedOutTest), (no_weights, UsageError)],
+    ids=["cut off in a tick", "without its agent"],
+)
+@pytest.mark.parametrize("width", [None, 4])
+def test_an_episode_that_does_not_end_leaves_no_world_open(
+    agent: Callable[[], DrawsOnce], error: type[BaseException], width: int | None
+) -> None:
+    Noted.open = {}
+
+    def make() -> Noted:
+        made = Noted()
+        Noted.open[id(made)] = made
+        return made
+
+    driver = EpisodeDriver(make, lambda name: agent() if name == "cut" else DrawsOnce())
+    well, cut = (
+        EpisodeRequest(Episode(name, "1", "clean", 0), ROUTES["1"], Setting.CLEAN) for name in ("draws", "cut")
+    )
+    before = driver.drive_once(well, width)
+    for _ in range(3):
+        with pytest.raises(error):
+            driver.drive_once(cut, width)
+        assert len(Noted.open) <= 1
+    assert driver.drive_once(well, width).trace.digest == before.trace.digest
+    driver.close()
+    assert Noted.open == {}

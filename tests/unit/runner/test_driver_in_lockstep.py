@@ -7,6 +7,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
@@ -18,6 +19,7 @@ from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.driver import EpisodeDriver
 from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
@@ -275,6 +277,48 @@ def test_after_a_caller_that_went_away_the_same_worlds_drive_on() -> None:
         id(one): alone(one) for one in together
     }
     assert len(made) == 4
+
+
+def test_after_an_interruption_nothing_of_that_tick_is_used_again() -> None:
+    interrupted = [False]
+    worlds: list[FakeSimulator] = []
+    closed: list[FakeSimulator] = []
+
+    class Noted(FakeSimulator):
+        def reset(self, *given: Any, **named: Any) -> WorldState:
+            assert not any(self is one for one in closed), "used again"
+            return super().reset(*given, **named)
+
+        def close(self) -> None:
+            closed.append(self)
+
+    class Interrupted(Net):
+        cut = False
+
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            assert not self.cut, "used again"
+            super().reset(route, seed)
+
+        @classmethod
+        def act_batch(cls, agents: Sequence[Net], observations: Sequence[Observation]) -> list[Control]:
+            if not interrupted[0]:
+                interrupted[0] = True
+                for agent in agents:
+                    agent.cut = True  # type: ignore[attr-defined]
+                raise KeyboardInterrupt
+            return super().act_batch(agents, observations)
+
+    def make() -> FakeSimulator:
+        worlds.append(Noted(SimulatorOptions(tick_cap=150)))
+        return worlds[-1]
+
+    lockstep = EpisodeDriver(make, lambda name: Interrupted())
+    together = [task(seed=seed) for seed in range(3)]
+    with pytest.raises(KeyboardInterrupt):
+        list(lockstep.drive_batch("net", taking(together), 4, check=False))
+    assert closed == worlds
+    results = {id(one): bits(result) for one, result in lockstep.drive_batch("net", taking(together), 4, check=False)}
+    assert results == {id(one): alone(one) for one in together}
 
 
 def test_a_setting_that_measures_inference_is_driven_alone_by_act() -> None:

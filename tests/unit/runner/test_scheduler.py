@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import sys
 from concurrent.futures import Future
 from dataclasses import replace
+from inspect import getsourcelines
 
 import pytest
 from result_factory import make_result
@@ -13,7 +15,8 @@ from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.claims import Claim
-from pytest_drive_robust.store.events import Compiling, Finished, Reused
+from pytest_drive_robust.store.events import Compiling, Finished, Reused, Started
+from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.testing import fake_route
 
 TASKS = (
@@ -293,3 +296,72 @@ def test_what_another_process_finished_before_we_could_claim_it_is_not_driven_ag
     assert hands.begun == []
     assert diary.reused_routes == ["0", "1", "2"]
     assert len(released) == 3
+
+
+class FullDisk(Diary):
+    """A journal that cannot write the first time that an episode begins."""
+
+    full = True
+
+    def __call__(self, event) -> None:
+        if isinstance(event, Started) and self.full:
+            self.full = False
+            raise OSError(28, "No space left on device")
+        super().__call__(event)
+
+
+def test_an_episode_whose_beginning_could_not_be_noted_is_driven_when_it_is_asked_for_again(tmp_path):
+    store = FolderStore(tmp_path)
+    scheduler, hands, _ = scheduler_of(store=store, observer=FullDisk)
+    with pytest.raises(OSError, match="No space left"):
+        scheduler.ensure(TASKS[:1])
+    with store.claim(TASKS[0].key) as claim:  # else the next test waits for this process itself
+        assert claim is not None
+    scheduler.ensure(TASKS[:1])
+    assert hands.begun == ["0"]
+
+
+def test_an_interruption_while_the_store_is_asked_under_the_claim_gives_it_back(tmp_path):
+    class Interrupted(FolderStore):
+        asked = 0
+
+        def get(self, key):
+            self.asked += 1
+            if self.asked == 2:
+                raise KeyboardInterrupt
+            return super().get(key)
+
+    store = Interrupted(tmp_path)
+    scheduler, hands, _ = scheduler_of(store=store)
+    with pytest.raises(KeyboardInterrupt):
+        scheduler.ensure(TASKS[:1])
+    with store.claim(TASKS[0].key) as claim:
+        assert claim is not None
+    scheduler.ensure(TASKS[:1])
+    assert hands.begun == ["0"]
+
+
+@pytest.mark.parametrize("line", range(2, len(getsourcelines(Scheduler.collect)[0])))
+def test_an_interruption_at_any_line_of_collecting_leaves_no_claim_behind(line, tmp_path):
+    store = FolderStore(tmp_path)
+    scheduler, hands, diary = scheduler_of(store=store)
+    diary.finishes = False
+    scheduler.assist(TASKS[:1])
+    hands.finish("0")
+    code = Scheduler.collect.__code__
+
+    def interrupt(frame, event, argument):
+        if event == "line" and frame.f_lineno == code.co_firstlineno + line:
+            raise KeyboardInterrupt
+        return interrupt
+
+    before = sys.gettrace()
+    sys.settrace(lambda frame, event, argument: interrupt if frame.f_code is code else None)
+    try:
+        scheduler.collect()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        sys.settrace(before)
+    scheduler.close()
+    assert store.claim(TASKS[0].key) is not None

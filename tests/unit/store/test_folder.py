@@ -72,6 +72,29 @@ def test_what_could_not_be_reused_is_replaced_and_seen_by_who_waited(tmp_path):
     assert waiting.get(KEY).outcome is Outcome.COMPLETED
 
 
+@pytest.mark.parametrize("late", [TIMED_OUT, OURS], ids=["timed out", "our fault"])
+def test_what_may_be_the_machines_doing_replaces_no_whole_drive_and_its_own_run_sees_it_all_the_same(tmp_path, late):
+    folder, spill = tmp_path / "store", tmp_path / "spill"
+    FolderStore(folder, run="first").put(KEY, make_result())
+    for fresh in (True, False):
+        store = FolderStore(folder, run="second", fresh=fresh, spill=spill)
+        store.put(KEY, late)
+        beside = FolderStore(folder, run="second", fresh=fresh, spill=spill)
+        assert store.get(KEY).outcome is beside.get(KEY).outcome is late.outcome
+        assert store.problems() == ()
+    assert FolderStore(folder, run="third").get(KEY).outcome is Outcome.COMPLETED
+    FolderStore(folder, run="fourth").put(KEY, make_result(end=End.TICK_CAP))
+    assert FolderStore(folder, run="fifth").get(KEY).end is End.TICK_CAP
+
+
+def test_what_may_be_the_machines_doing_replaces_a_damaged_record(tmp_path):
+    FolderStore(tmp_path, run="first").put(KEY, make_result())
+    path = tmp_path / "episodes" / "ab" / f"{KEY}.episode"
+    path.write_bytes(path.read_bytes()[:-1])
+    FolderStore(tmp_path, run="second").put(KEY, OURS)
+    assert FolderStore(tmp_path, run="second").get(KEY).outcome is Outcome.INFRA_ERROR
+
+
 def test_a_record_under_a_wrong_name_is_damaged(tmp_path):
     store = FolderStore(tmp_path)
     store.put(KEY, make_result())

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import contextlib
 import sqlite3
+import threading
 from dataclasses import replace
 
 import pytest
@@ -47,6 +49,41 @@ def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
         database.close()
     assert indexed_episodes(files) == before
     assert indexed_episodes(files) == before
+
+
+def test_an_index_that_another_command_is_writing_stays_and_its_table_is_made_in_memory(store, monkeypatch):
+    files, path = RecordFiles(store.folder), store.folder / "index.sqlite"
+    indexed_episodes(files)
+    store.put("cc01", make_result("9"))
+    connect = sqlite3.connect
+    monkeypatch.setattr(sqlite3, "connect", lambda place, timeout=0.0: connect(place, timeout=min(timeout, 0.05)))
+    before = path.stat().st_ino
+    with contextlib.closing(connect(path)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        assert len(indexed_episodes(files)) == 5
+        assert path.stat().st_ino == before
+        other.execute("ROLLBACK")
+    assert len(indexed_episodes(files)) == 5
+    assert path.stat().st_ino == before
+
+
+def test_two_commands_that_make_the_index_at_once_make_one(store):
+    files = RecordFiles(store.folder)
+    started, found = threading.Barrier(4), []
+
+    def look():
+        started.wait()
+        found.append(indexed_episodes(files))
+
+    for _ in range(10):
+        (store.folder / "index.sqlite").unlink(missing_ok=True)
+        threads = [threading.Thread(target=look) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert (store.folder / "index.sqlite").exists()
+    assert [len(rows) for rows in found] == [4] * 40
 
 
 def test_the_index_holds_names_and_numbers_that_sqlite_does_not(store):

@@ -8,6 +8,9 @@ import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.store import maintenance
+from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.index import indexed_episodes
 from pytest_drive_robust.store.maintenance import statistics, sweep, verify
 from pytest_drive_robust.store.record import encode_episode
@@ -96,6 +99,23 @@ def test_a_record_that_is_claimed_stays(store):
     with store.claim("aa01"):
         sweep(store.folder, agents=["driver"])
         assert [row.key for row in indexed_episodes(RecordFiles(store.folder))] == ["aa01", "bb01"]
+
+
+def test_a_record_that_another_run_replaced_since_it_was_looked_at_stays(store, monkeypatch):
+    path = RecordFiles(store.folder).path("bb02")
+    age(path, 2)
+    look = maintenance._set_aside
+
+    def meanwhile(folder):
+        """What `sweep` asks for next: another run finishes that episode and gives its claim back."""
+        other = FolderStore(folder, run="two")
+        with other.claim("bb02"):
+            other.put("bb02", make_result("3"))
+        return look(folder)
+
+    monkeypatch.setattr(maintenance, "_set_aside", meanwhile)
+    assert sweep(store.folder).records == 0
+    assert FolderStore(store.folder, run="three").get("bb02").outcome is Outcome.COMPLETED
 
 
 def test_a_clock_of_the_future_makes_nothing_old(store):

@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drive_robust_agents._wrappers.path_controller import Creep, PathController, PathTuning, along
-from drive_robust_agents._wrappers.pid import Pedals, Point
+from drive_robust_agents._wrappers.pid import Point
+from pytest_drive_robust import Control
 
 STRAIGHT = [(float(k), 0.0) for k in range(1, 21)]
 TO_THE_RIGHT = [(9.0 * math.sin(k / 9.0), 9.0 * (1.0 - math.cos(k / 9.0))) for k in range(1, 21)]
@@ -19,12 +20,12 @@ def at(speed_mps: float) -> list[Point]:
     return [(0.25 * speed_mps * k, 0.0) for k in range(1, 11)]
 
 
-def step(path: list[Point], wanted_mps: float, speed_mps: float) -> Pedals:
+def step(path: list[Point], wanted_mps: float, speed_mps: float) -> Control:
     return PathController().step(path, at(wanted_mps), speed_mps)
 
 
 def test_at_rest_with_nothing_wanted_it_stands() -> None:
-    assert step([(0.0, 0.0)] * 20, 0.0, 0.0)[:3] == (0.0, 0.0, 1.0)
+    assert step([(0.0, 0.0)] * 20, 0.0, 0.0) == Control(0.0, 0.0, 1.0)
 
 
 def test_the_wanted_speed_is_that_of_the_waypoints() -> None:
@@ -36,7 +37,7 @@ def test_the_wanted_speed_is_that_of_the_waypoints() -> None:
 def test_it_accelerates_brakes_and_coasts() -> None:
     assert step(STRAIGHT, 7.0, 5.0).throttle == 1.0
     assert step(STRAIGHT, 5.0, 7.0).brake == 1.0
-    assert step(STRAIGHT, 5.0, 5.2)[:3] == (0.0, 0.0, 0.0)
+    assert step(STRAIGHT, 5.0, 5.2) == Control(0.0, 0.0, 0.0)
 
 
 def test_it_brakes_at_once_for_a_plan_that_slows_down_within_two_seconds() -> None:

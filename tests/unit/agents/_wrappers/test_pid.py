@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.pid import (
     Gains,
-    Pedals,
     Point,
     WaypointController,
     WaypointTuning,
@@ -21,6 +20,7 @@ from drive_robust_agents._wrappers.pid import (
     published_turn_of,
     turn_of,
 )
+from pytest_drive_robust import Control
 
 AHEAD: Point = (30.0, 0.0)
 ERRORS = st.lists(st.floats(-10.0, 10.0), min_size=1, max_size=60)
@@ -37,7 +37,7 @@ def driving(speed_mps: float, *, bend: float = 0.0, count: int = 4) -> list[Poin
     return points
 
 
-def step(given: WaypointTuning, waypoints: list[Point], speed_mps: float, target: Point = AHEAD) -> Pedals:
+def step(given: WaypointTuning, waypoints: list[Point], speed_mps: float, target: Point = AHEAD) -> Control:
     return WaypointController(given).step(waypoints, speed_mps, target)
 
 
@@ -88,7 +88,7 @@ def test_whatever_the_network_says_the_pedals_are_within_their_ranges(
 def test_it_brakes_when_too_fast_and_accelerates_when_too_slow(agent: WaypointTuning) -> None:
     assert step(agent, driving(4.0), 6.0).brake == 1.0
     assert step(agent, driving(4.0), 2.0).throttle > 0.0
-    assert step(agent, driving(4.0), 4.2)[:3] == (0.0, 0.0, 0.0)
+    assert step(agent, driving(4.0), 4.2) == Control(0.0, 0.0, 0.0)
 
 
 def test_the_wanted_speed_is_that_of_the_first_pairs_of_waypoints() -> None:

@@ -1,12 +1,19 @@
 from __future__ import annotations
 
 import sys
+from importlib.machinery import ModuleSpec
+from types import ModuleType
 
 import pytest
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.engine.ray.executor import RayExecutor, needs_of
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.testing import fake_route
 
 
 def never() -> WorkerSetup:
@@ -44,3 +51,25 @@ def test_nothing_is_started_before_the_first_episode():
     assert executor.slots == 1
     executor.close()
     executor.close()
+
+
+class Cluster(RayExecutor):
+    """Speaks with nobody: `numbers` are those of the episodes that the process which uses Ray would hear of."""
+
+    def _start(self, cluster):
+        self.numbers = []
+
+    def _write(self, message):
+        self.numbers.append(message[0])
+
+
+def test_an_answer_that_comes_late_is_never_that_of_another_episode(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", ModuleType("ray"))
+    sys.modules["ray"].__spec__ = ModuleSpec("ray", None)  # nothing of it is used before a cluster is started
+    registry = Registry()
+    registry.register_agent("modest", object)
+    cluster = Cluster(lambda: WorkerSetup((), "", (), "fake"), Limits(), registry=registry)
+    for seed in range(20):
+        cluster.submit(EpisodeRequest(Episode("modest", "1", "clean", seed), fake_route(), Setting.CLEAN))
+        cluster._pending.clear()  # it was given up, and nobody keeps its future
+    assert len(set(cluster.numbers)) == 20

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
 import random
 import sys
 from collections.abc import Iterator
@@ -16,15 +16,31 @@ from pytest_drive_robust.runner.episode import generators
 from pytest_drive_robust.runner.episode.generators import borrowed_generators, seed_generators
 
 FAKE_TORCH = """
+import random
+
 seeds = ["first"]
 
 def manual_seed(seed):
     seeds.append(seed)
+    cuda.manual_seed_all(seed)
 
 def get_rng_state():
     return seeds[-1]
 
-set_rng_state = manual_seed
+set_rng_state = seeds.append
+initial_seed = get_rng_state
+
+class cuda:
+    generator = random.Random("first")
+    is_initialized = staticmethod(lambda: cuda.used)
+    manual_seed_all = generator.seed
+    get_rng_state_all = generator.getstate
+    set_rng_state_all = generator.setstate
+    used = False
+
+def draw():
+    cuda.used = True
+    return cuda.generator.random()
 """
 
 
@@ -124,3 +140,52 @@ def test_waiting_for_torch_hinders_no_other_import() -> None:
     assert len(sys.meta_path) == finders
     with pytest.raises(ModuleNotFoundError):
         importlib.import_module("torch_that_is_nowhere")
+
+
+@pytest.mark.usefixtures("fake_torch")
+@pytest.mark.parametrize("used", [False, True])
+def test_an_agent_that_is_made_moves_no_draw_of_a_gpu(used: bool) -> None:
+    torch = importlib.import_module("torch")
+    torch.cuda.used = used
+
+    def drawn(*, is_made: bool) -> list[float]:
+        with borrowed_generators("an episode"):
+            first = [torch.draw()] if used else []
+            if is_made:
+                with borrowed_generators("making an agent"):
+                    torch.draw()
+            return [*first, torch.draw(), torch.draw()]
+
+    assert drawn(is_made=True) == drawn(is_made=False)
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_the_generator_of_a_gpu_is_put_back_where_it_was() -> None:
+    torch = importlib.import_module("torch")
+    torch.manual_seed(7)
+    expected = [torch.draw(), torch.draw()]
+    torch.manual_seed(7)
+    assert torch.draw() == expected[0]
+    with borrowed_generators("an episode"):
+        torch.draw()
+    assert torch.draw() == expected[1]
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_an_agent_that_brings_torch_and_draws_on_a_gpu_moves_no_draw() -> None:
+    with borrowed_generators("an episode"):
+        with borrowed_generators("making an agent"):
+            torch = importlib.import_module("torch")
+            torch.draw()
+        drawn = torch.draw()
+    with borrowed_generators("an episode"):
+        assert torch.draw() == drawn
+
+
+@pytest.mark.usefixtures("fake_torch")
+def test_who_asks_whether_there_is_a_torch_and_then_imports_it_has_it_seeded_and_put_back() -> None:
+    with borrowed_generators("an episode"):
+        assert importlib.util.find_spec("torch") is not None
+        torch = importlib.import_module("torch")
+        assert len(torch.seeds) == 2
+    assert torch.seeds[-1] == "first"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import pytest
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
@@ -619,6 +620,24 @@ def test_what_was_injected_is_checked_before_it_is_stored() -> None:
         (lambda score: None, "score() gave None, expected an EpisodeScore"),
         (lambda score: replace(score, end="completed"), "score() gave the end 'completed', expected an End"),
         (lambda score: replace(score, infractions=["hit"]), "score() gave the infraction 'hit', expected Infraction"),
+        (
+            lambda score: replace(score, end_detail=b"at the end"),
+            "stored, end_detail: expected text, got bytes",
+        ),
+        (
+            lambda score: replace(score, route_completion_pct=101.0),
+            "stored, route_completion_pct: expected a",
+        ),
+        (lambda score: replace(score, route_length_m=math.nan), "cannot be stored, route_length_m: expected a finite"),
+        (
+            lambda score: replace(score, speed_ratios_pct=[None]),
+            "stored, speed_ratios_pct: expected a finite",
+        ),
+        (lambda score: replace(score, junction_passed="yes"), "cannot be stored, junction_passed: expected true or"),
+        (
+            lambda score: replace(score, infractions=[Infraction(InfractionKind.RED_LIGHT, 1.5, "")]),
+            "cannot be stored, infractions: tick: expected a whole number",
+        ),
     ],
 )
 def test_a_score_is_checked_before_it_is_stored(score: Callable[[Any], Any], told: str) -> None:
@@ -629,6 +648,29 @@ def test_a_score_is_checked_before_it_is_stored(score: Callable[[Any], Any], tol
     result = drive(ScriptedAgent([FULL]), simulator=Scoring())
     assert result.outcome is Outcome.INFRA_ERROR
     assert told in result.end_detail
+
+
+@pytest.mark.parametrize("share_pct", [12.5, np.float32(12.5), np.float64(12.5), 12])
+def test_what_a_score_may_hold_is_stored_as_it_is(share_pct: Any) -> None:
+    event = Infraction(InfractionKind.OUTSIDE_LANES, int(share_pct), "", x_m=np.float32(-3.0), share_pct=share_pct)
+
+    class Scoring(FakeSimulator):
+        def score(self) -> Any:
+            return replace(super().score(), infractions=[event], junction_passed=np.bool_(True))
+
+    result = drive(ScriptedAgent([FULL]), simulator=Scoring())
+    assert result.outcome is Outcome.COMPLETED
+    assert decode_episode(encode_episode(result)).infractions == (event,)
+
+
+def test_what_was_injected_is_named_where_it_cannot_be_stored() -> None:
+    class Noting(Perturbation):
+        def schedule(self) -> Any:
+            return (Injection("noting", "gps", 0, 1.5),)  # type: ignore[arg-type]
+
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(Noting()))
+    assert result.outcome is Outcome.INFRA_ERROR
+    assert "cannot be stored, schedule: last_tick: expected a whole number" in result.end_detail
 
 
 def test_versions_are_kept_as_text() -> None:

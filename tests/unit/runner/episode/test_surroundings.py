@@ -102,6 +102,13 @@ def test_a_table_of_another_width_leaves_nothing_and_harms_nothing():
     assert seen(state(0, car(1, 0.0)), other, state(8, car(1, 1.0))).tracks() is None
 
 
+@pytest.mark.parametrize("table", [np.zeros((2000, 7)), [], None], ids=["more and wider", "a list", "nothing"])
+def test_a_table_that_has_no_room_beside_the_others_harms_nothing(table):
+    other = replace(state(4, car(1, 0.0)), actors=table)
+    assert seen(other, state(8, car(1, 0.0))).tracks() is None
+    assert seen(state(0, car(1, 0.0)), other, state(8, car(1, 1.0))).tracks() is None
+
+
 def test_any_number_of_actors_finds_room():
     many = [car(number, float(number % 50)) for number in range(700)]
     tracks = seen(*(state(tick, *many) for tick in (0, 4, 8))).tracks()
