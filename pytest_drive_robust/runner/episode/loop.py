@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
-from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, read_only
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
@@ -33,6 +33,8 @@ _OUTCOMES = {
     End.AGENT_CRASHED: Outcome.AGENT_ERROR,
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
+_ROUNDING_PCT = 1e-6
+"""A sum of the metres outside may be longer than the way itself in its last digits."""
 
 
 class Watch:
@@ -338,6 +340,9 @@ def _checked_score(score: object) -> EpisodeScore:
         problem = unstorable(field.name, getattr(score, field.name))
         if problem is not None:
             raise SimulationError(f"score() gave what cannot be stored, {problem}")
+    for item in score.infractions:
+        if item.kind is InfractionKind.OUTSIDE_LANES and item.share_pct > 100.0 + _ROUNDING_PCT:
+            raise SimulationError(f"score() gave {item.kind.value} with share_pct {item.share_pct!r}, expected 0..100")
     return score
 
 

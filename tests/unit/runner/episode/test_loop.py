@@ -626,12 +626,22 @@ def test_what_was_injected_is_checked_before_it_is_stored() -> None:
         ),
         (
             lambda score: replace(score, route_completion_pct=101.0),
-            "stored, route_completion_pct: expected a",
+            "stored, route_completion_pct: expected a finite number in 0..100, got 101.0",
         ),
         (lambda score: replace(score, route_length_m=math.nan), "cannot be stored, route_length_m: expected a finite"),
         (
             lambda score: replace(score, speed_ratios_pct=[None]),
             "stored, speed_ratios_pct: expected a finite",
+        ),
+        (
+            lambda score: replace(score, speed_ratios_pct=[90.0, -1.0]),
+            "stored, speed_ratios_pct: expected a finite number of 0 or more, got -1.0",
+        ),
+        (
+            lambda score: replace(
+                score, infractions=[Infraction(InfractionKind.OUTSIDE_LANES, 1, "", share_pct=101.0)]
+            ),
+            "score() gave outside_route_lanes with share_pct 101.0, expected 0..100",
         ),
         (lambda score: replace(score, junction_passed="yes"), "cannot be stored, junction_passed: expected true or"),
         (
