@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.domain.geodesy import GeodeticPlace
@@ -65,6 +65,18 @@ class CameraSpec:
             return f"rate_hz is {self.rate_hz:g}, expected a rate that divides {tick_rate_hz} Hz, such as {rates}"
         return None
 
+    def image_problem(self, image: object) -> str | None:
+        """Return why no image of this camera is like that (`"front is (4, 16, 3) uint8, expected ..."`), or None."""
+        if not isinstance(image, Image):
+            return f"{self.name} is a {type(image).__name__}, expected an Image"
+        shape, kind = getattr(image.pixels, "shape", None), getattr(image.pixels, "dtype", None)
+        if shape is None or kind is None:
+            return f"the pixels of {self.name} are a {type(image.pixels).__name__}, expected an array"
+        expected = (self.height_px, self.width_px, 3)
+        if shape != expected or str(kind) != "uint8":
+            return f"{self.name} is {shape} {kind}, expected {expected} uint8"
+        return None
+
 
 @dataclass(frozen=True, slots=True)
 class Image:
@@ -72,6 +84,12 @@ class Image:
 
     pixels: Pixels
     tick: int
+
+    def read_only(self) -> Image:
+        """Return the same pixels for those who must not write to them, in a view of the same memory."""
+        pixels = self.pixels.view()
+        pixels.flags.writeable = False
+        return Image(pixels, self.tick)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +152,29 @@ class Observation:
     cameras: Mapping[str, Image] = field(default_factory=dict)
     truth: GroundTruth | None = None
 
+    def signal_problem(self) -> str | None:
+        """Return what is wrong with a signal but the images (`"gps.x_m is nan, expected a finite number"`), or None."""
+        gps, compass, imu, speed, finite = self.gps, self.compass, self.imu, self.speed, math.isfinite
+        try:
+            if (
+                (type(gps) is Gps and type(compass) is Compass and type(imu) is Imu and type(speed) is Speed)
+                and (finite(gps.x_m) and finite(gps.y_m) and finite(compass.heading_rad) and finite(speed.mps))
+                and (finite(imu.forward_mps2) and finite(imu.right_mps2) and finite(imu.yaw_rate_radps))
+                and (finite(gps.tick) and finite(compass.tick) and finite(imu.tick) and finite(speed.tick))
+            ):
+                return None  # asked in every tick, and nearly always all is well
+        except (OverflowError, TypeError, ValueError):
+            pass  # said below, by name
+        for name, kind in (("gps", Gps), ("compass", Compass), ("imu", Imu), ("speed", Speed)):
+            signal = getattr(self, name)
+            if not isinstance(signal, kind):
+                return f"{name} is {signal!r}, expected a {kind.__name__}"
+            for part in fields(signal):
+                value: object = getattr(signal, part.name)
+                if not _is_finite(value):
+                    return f"{name}.{part.name} is {value!r}, expected a finite number"
+        return None
+
     def map_images(self, change: Callable[[str, Image], Image]) -> Observation:
         """Return a copy whose images are `change(camera name, image)`; the originals are not touched."""
         return replace(self, cameras={name: change(name, image) for name, image in self.cameras.items()})
@@ -142,3 +183,10 @@ class Observation:
         """Return a copy whose pixels and truth share no memory with anybody: what the loop hands to the agent."""
         cameras = {name: Image(image.pixels.copy(), image.tick) for name, image in self.cameras.items()}
         return replace(self, cameras=cameras, truth=None if self.truth is None else self.truth.private())
+
+
+def _is_finite(value: object) -> bool:
+    try:
+        return math.isfinite(value)  # type: ignore[arg-type]
+    except (OverflowError, TypeError, ValueError):
+        return False

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
     Ints = NDArray[np.int32]
 
+_Table = TypeVar("_Table", bound="NDArray[np.generic]")
 MACHINE_FACTS = {
     "machine libm": "C library",
     "machine numpy": "numpy",
@@ -26,6 +27,12 @@ MACHINE_FACTS = {
 it. They are in no key, and an episode has only those that its bits depend on."""
 CONTROL = "control"
 """The name of the command on its way from the agent to the vehicle, beside `SIGNALS` and the names of cameras."""
+
+
+def read_only(table: _Table) -> _Table:
+    """Return this table, now for reading only: whoever counts a metric is given the very arrays of the run."""
+    table.flags.writeable = False
+    return table
 
 
 @dataclass(frozen=True, slots=True)

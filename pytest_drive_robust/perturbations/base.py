@@ -90,7 +90,7 @@ class Perturbation:
         """Begin an episode. Override to build the state that the other methods need."""
 
     def observe(self, observation: Observation) -> Observation:
-        """Return what the agent gets instead of this. Must not write into the arrays of its argument."""
+        """Return what the agent gets instead of this. The arrays of its argument are read-only."""
         return observation
 
     def wants_inference(self, tick: int) -> bool:
@@ -307,6 +307,11 @@ class RunningStack:
         return Setting(self._perturbations).warmup_ticks
 
     @property
+    def observes(self) -> bool:
+        """True when a perturbation is given the observations."""
+        return bool(self._observe)
+
+    @property
     def measures_inference(self) -> bool:
         """True when the wall time of inference decides what happens: such an episode repeats only as a replay."""
         return any(bool(getattr(item, "measures_inference", False)) for item in self._perturbations)
@@ -323,13 +328,27 @@ class RunningStack:
             given, observation = observation, change(observation)
             if not isinstance(observation, Observation):
                 raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
+            if observation is given:
+                continue
+            problem = observation.signal_problem()
+            if problem is not None:
+                raise PerturbationError(f"{change.__qualname__} gave an observation whose {problem}")
             if observation.cameras is not given.cameras:
                 _check_images(change.__qualname__, given.cameras, observation.cameras)
         return observation
 
     def wants_inference(self, tick: int) -> bool:
         """Return True when no perturbation keeps the agent's computer busy in `tick`."""
-        return all(free(tick) for free in self._wants)
+        for free in self._wants:
+            answer: object = free(tick)
+            if answer is True:
+                continue
+            if answer is not False and not is_yes_or_no(answer):
+                told = f"{free.__qualname__} gave {answer!r}, expected True or False"
+                raise PerturbationError(f"{told}: is there a return in every branch?")
+            if not answer:
+                return False
+        return True
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
         """Return the control that the vehicle gets: the last one when there is no new one, neutral before the first."""
@@ -342,6 +361,13 @@ class RunningStack:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, perturbation by perturbation."""
         return tuple(injection for item in self._perturbations for injection in item.schedule())
+
+
+def is_yes_or_no(answer: object) -> bool:
+    """Return whether this can answer `wants_inference`: None is a forgotten return, which would keep it busy."""
+    import numpy as np
+
+    return isinstance(answer, int | np.bool_ | np.integer)
 
 
 def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:

@@ -96,7 +96,8 @@ class BurstFrameDrop(Perturbation):
         valid = self._valid.get(camera)
         if valid is not None and bursts.is_frozen(tick):
             return valid
-        self._valid[camera] = Image(image.pixels.copy(), image.tick)  # the simulator may reuse its pixels
+        kept = Image(image.pixels.copy(), image.tick)  # the simulator may reuse its pixels
+        self._valid[camera] = kept.read_only()
         return image
 
 

@@ -69,7 +69,7 @@ class FrameBlend(Perturbation):
         mean = self._means.get(camera)
         if mean is None:
             mean = self._means[camera] = _RunningMean(self.frames, image.pixels, linear=self.weights == "linear")
-        blended = self._last[camera] = Image(mean.push(image.pixels), image.tick)
+        blended = self._last[camera] = Image(mean.push(image.pixels), image.tick).read_only()
         return blended
 
 

@@ -84,8 +84,8 @@ class SensorDelay(Perturbation):
         """Return what may be delivered later: own copies of the images, because the simulator may reuse its pixels."""
         if self._camera_ticks == 0:
             return replace(observation, cameras={}, truth=None)
-        copies = {name: Image(image.pixels.copy(), image.tick) for name, image in observation.cameras.items()}
-        return replace(observation, cameras=copies, truth=None)
+        own = {name: Image(image.pixels.copy(), image.tick).read_only() for name, image in observation.cameras.items()}
+        return replace(observation, cameras=own, truth=None)
 
     def _captured(self, tick: int) -> Observation:
         """Return the newest capture that is not younger than `tick` allows, or the oldest that there is."""

@@ -80,7 +80,9 @@ def _whole(value: object) -> int:
 
 def _number(value: object, *, low: float = 0.0, high: float = _LARGEST) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
-        raise ValueError("expected a finite number in range")
+        least = " of 0 or more" if low == 0.0 else ""
+        bounds = f" in {low:g}..{high:g}" if high < _LARGEST else least
+        raise ValueError(f"expected a finite number{bounds}, got {value!r}")
     return float(value)
 
 

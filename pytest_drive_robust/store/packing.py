@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.result import Given, Trace
+from pytest_drive_robust.domain.result import Given, Trace, read_only
 
 _LEVEL = 4
 """Of zlib. A trace of 600 ticks takes one or two milliseconds; higher levels save a few percent for thrice the time."""
@@ -28,7 +28,7 @@ def pack(rows: NDArray[Any]) -> bytes:
 
 
 def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
-    """Unpack what `pack` packed, in memory of its own. Raises `ValueError` for bytes that are no such table."""
+    """Unpack what `pack` packed, for reading only. Raises `ValueError` for bytes that are no such table."""
     kind = np.dtype(dtype)
     ticks, width = shape
     try:
@@ -39,9 +39,9 @@ def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
     if shuffled.size != ticks * width * kind.itemsize:
         raise ValueError(f"a table of {ticks} x {width} {dtype} has {shuffled.size} bytes")
     if shuffled.size == 0:
-        return np.zeros(shape, dtype=kind)
+        return read_only(np.zeros(shape, dtype=kind))
     columns = np.ascontiguousarray(shuffled.reshape(width, kind.itemsize, ticks).transpose(0, 2, 1))
-    return np.ascontiguousarray(columns.view(kind).reshape(width, ticks).T)
+    return read_only(np.ascontiguousarray(columns.view(kind).reshape(width, ticks).T))
 
 
 def unpack_columns(
@@ -65,7 +65,7 @@ def unpack_columns(
     cells = table.view(np.uint8).reshape(ticks, width, kind.itemsize)
     for number in wanted:
         cells[:, number] = columns[number].T
-    return tuple(table[:, number] for number in wanted)
+    return tuple(read_only(table[:, number]) for number in wanted)
 
 
 class StoredTrace(Trace):

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pytest_drive_robust.domain.result import Tracks
+from pytest_drive_robust.domain.result import Tracks, read_only
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -72,11 +72,11 @@ def unpack_tracks(data: bytes) -> Tracks:
     plans = np.cumsum(plans, axis=0, dtype=np.int32)
     return Tracks(
         every_ticks=every_ticks,
-        actors=actors,
-        motion=summed,
-        lights=np.cumsum(lights, axis=0, dtype=np.int32),
-        plans=plans,
-        points=_sums(points, _starts(plans[:, 1:].sum(axis=1))),
+        actors=read_only(actors),
+        motion=read_only(summed),
+        lights=read_only(np.cumsum(lights, axis=0, dtype=np.int32)),
+        plans=read_only(plans),
+        points=read_only(_sums(points, _starts(plans[:, 1:].sum(axis=1)))),
     )
 
 

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
+from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.base import Perturbation, RunningStack, Setting
+from pytest_drive_robust.perturbations.base import Perturbation, Setting, is_yes_or_no
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
@@ -56,7 +55,7 @@ def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
     yield attempt(_OURS, _isolation, before, clean)
     yield (observations := attempt(_OURS, _observations, clean, done.seen))
     yield attempt(_OURS, _inference, done)
-    yield (controls := attempt(_OURS, _controls, [*done.applied, *seldom.applied]))
+    yield (controls := attempt(_OURS, _controls, [*done.applied, *seldom.applied], done.answered))
     yield attempt(_OURS, _schedule, done)
     if observations.ok and controls.ok:
         yield attempt(_OURS, _determinism, perturbation, clean, seed, done)
@@ -108,6 +107,7 @@ class _Drive:
 
     seen: list[Observation] = field(default_factory=list)
     wanted: list[object] = field(default_factory=list)
+    answered: list[Control | None] = field(default_factory=list)  # what `actuate` gave where it got a control
     applied: list[Control] = field(default_factory=list)
     schedule: object = ()
 
@@ -119,12 +119,16 @@ def _episode(perturbation: Perturbation, clean: list[Observation], seed: int, *,
     """
     own = copy.deepcopy(perturbation)
     own.reset(EpisodeContext("1", seed, _DT_S, _CAMERAS, kebab_name(type(own))))
-    stack, done = RunningStack((own,)), _Drive()
+    done, last = _Drive(), Control.NEUTRAL
     for tick, observation in enumerate(clean):
-        done.seen.append(own.observe(observation))  # not the stack's, which raises for what is checked here
+        done.seen.append(own.observe(observation))  # no stack, which raises for what is checked here
         done.wanted.append(own.wants_inference(tick))
         asked = bool(done.wanted[-1]) and tick % every == 0
-        done.applied.append(stack.actuate(tick, _wanted(tick) if asked else None, 0.01 if asked else 0.0))
+        given = own.actuate(tick, _wanted(tick) if asked else None, 0.01 if asked else 0.0)
+        if asked:
+            done.answered.append(given)
+        last = last if given is None else given
+        done.applied.append(last)
     done.schedule = own.schedule()
     return done
 
@@ -148,14 +152,9 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
     """Return in a clause why no agent could take this observation, or None."""
     if not isinstance(got, Observation):
         return f"observe gave {got!r}, expected an Observation"
-    for name, kind in (("gps", Gps), ("compass", Compass), ("imu", Imu), ("speed", Speed)):
-        signal = getattr(got, name)
-        if not isinstance(signal, kind):
-            return f"{name} is {signal!r}, expected a {kind.__name__}"
-        for part in fields(signal):
-            value: object = getattr(signal, part.name)
-            if not _is_finite(value):
-                return f"{name}.{part.name} is {value!r}, expected a finite number"
+    problem = got.signal_problem()
+    if problem is not None:
+        return problem
     if set(got.cameras) != set(given.cameras):
         return f"the cameras became {', '.join(got.cameras) or 'none'}"
     for name, image in got.cameras.items():
@@ -169,16 +168,9 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
     return None
 
 
-def _is_finite(value: object) -> bool:
-    try:
-        return math.isfinite(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        return False
-
-
 def _inference(done: _Drive) -> Check:
     for tick, wanted in enumerate(done.wanted):
-        if not isinstance(wanted, bool | int | np.bool_ | np.integer):
+        if not is_yes_or_no(wanted):
             told = f"tick {tick}: wants_inference gave {wanted!r}, expected True or False"
             return Check("inference", False, f"{told}: is there a return in every branch?")
     return Check("inference", True, f"the agent may be asked in {sum(map(bool, done.wanted))} of {_TICKS} ticks.")
@@ -195,11 +187,14 @@ def _schedule(done: _Drive) -> Check:
     return Check("schedule", True, f"{len(injections)} injections are noted for the record.")
 
 
-def _controls(applied: list[Control]) -> Check:
+def _controls(applied: list[Control], answered: list[Control | None]) -> Check:
     for tick, control in enumerate(applied):
         problem = control.problem() if isinstance(control, Control) else f"{control!r} is not a Control"
         if problem is not None:
             return Check("controls", False, f"tick {tick}: {problem}.")
+    if answered and not any(answered):  # at work that is a link which drops every command
+        told = f"actuate gave None in all {len(answered)} ticks in which it got a control"
+        return Check("controls", False, f"{told}: is there a return in every branch?")
     return Check("controls", True, "every control is within its ranges.")
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 
-import numpy as np
-
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
@@ -140,15 +138,9 @@ def _stamps(observations: list[Observation], dt_s: float) -> Check:
 def _images(observations: list[Observation], dt_s: float) -> Check:
     for seen in observations:
         for camera in _cameras(dt_s):
-            if camera.name not in seen.cameras:
-                return Check("images", False, f"tick {seen.tick}: there is no image of the camera {camera.name}.")
-            pixels, expected = seen.cameras[camera.name].pixels, (camera.height_px, camera.width_px, 3)
-            if not isinstance(pixels, np.ndarray):
-                told = f"the pixels of {camera.name} are a {type(pixels).__name__}, expected an array"
-                return Check("images", False, f"tick {seen.tick}: {told}.")
-            if pixels.shape != expected or str(pixels.dtype) != "uint8":
-                told = f"{camera.name} is {pixels.shape} {pixels.dtype}, expected {expected} uint8"
-                return Check("images", False, f"tick {seen.tick}: {told}.")
+            problem = camera.image_problem(seen.cameras[camera.name])
+            if problem is not None:
+                return Check("images", False, f"tick {seen.tick}: {problem}.")
     return Check("images", True, "every image has the size of its camera.")
 
 

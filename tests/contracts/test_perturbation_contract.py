@@ -137,6 +137,34 @@ def test_an_image_that_is_none_is_found(image: Callable[[Image], Image], told: s
     assert told in report["observations"].sentence
 
 
+def test_an_actuate_that_returns_nothing_is_found() -> None:
+    @dataclass
+    class Forgets(Perturbation):
+        share: float = 0.5
+        phrase = "weak brakes {share}"
+
+        def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
+            if control is not None:
+                replace(control, brake=control.brake * self.share)
+
+    report = check_perturbation(Forgets())
+    assert failed(report) == ["controls"]
+    told = "actuate gave None in all 80 ticks in which it got a control: is there a return in every branch?"
+    assert report["controls"].sentence == told
+
+
+def test_an_actuate_that_drops_some_commands_is_fine() -> None:
+    @dataclass
+    class Drops(Perturbation):
+        phrase = "drops"
+
+        def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
+            return control if tick % 20 == 0 else None
+
+    report = check_perturbation(Drops())
+    assert report.ok, str(report)
+
+
 def test_a_perturbation_that_exits_is_told() -> None:
     @dataclass
     class Exits(Perturbation):

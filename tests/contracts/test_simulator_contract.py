@@ -109,21 +109,24 @@ def test_a_camera_that_ignores_its_rate_is_found() -> None:
     assert "rear at 10 Hz" in report["stamps"].sentence
 
 
-def test_an_image_of_another_size_is_found() -> None:
+def test_an_image_of_another_size_in_a_later_tick_is_found() -> None:
     class Cropped(FakeSimulator):
         def observe(self) -> Observation:
-            return super().observe().map_images(lambda name, image: replace(image, pixels=image.pixels[1:]))
+            seen = super().observe()
+            return seen if seen.tick < 4 else seen.map_images(lambda name, image: Image(image.pixels[1:], image.tick))
 
-    assert failed(check_simulator(Cropped)) == ["images"]
+    report = check_simulator(Cropped)
+    assert failed(report) == ["images"]
+    assert report["images"].sentence == "tick 4: front is (17, 32, 3) uint8, expected (18, 32, 3) uint8."
 
 
 @pytest.mark.parametrize(
     ("cameras", "told"),
     [
-        (lambda seen: {}, "tick 0: there is no image of the camera front."),
+        (lambda seen: {}, "tick 0: observe() gave images of [], expected those of ['front', 'rear']."),
         (
             lambda seen: {name: Image(image.pixels.tolist(), image.tick) for name, image in seen.cameras.items()},
-            "tick 0: the pixels of front are a list, expected an array.",
+            "tick 0: observe() gave an image of another kind: the pixels of front are a list, expected an array.",
         ),
     ],
 )
@@ -134,8 +137,8 @@ def test_what_is_no_image_is_found(cameras: Callable[[Observation], dict[str, Im
             return replace(seen, cameras=cameras(seen))
 
     report = check_simulator(Blind)
-    assert failed(report) == ["images"]
-    assert report["images"].sentence == told
+    assert failed(report) == ["end"]
+    assert report["end"].sentence == told
 
 
 def test_a_truth_that_is_none_is_found() -> None:

@@ -103,6 +103,53 @@ def test_an_episode_that_broke_in_the_simulator_is_an_error_not_a_failure(suite,
     result.stdout.fnmatch_lines(["*ERROR: not judged: RD under throttle 0.9 <= 0.30*", "*no map*"])
 
 
+LOST = """
+
+@dataclass
+class GpsLoss(Perturbation):
+    phrase = "GPS loss"
+
+    def observe(self, observation):
+        return replace(observation, gps=replace(observation.gps, x_m=float("nan")))
+
+
+@dataclass
+class SlowComputer(Perturbation):
+    every: int = 2
+    phrase = "slow computer {every}"
+
+    def wants_inference(self, tick):
+        tick % self.every == 0
+
+
+def follower():
+    return ScriptedAgent(lambda seen: Control(throttle=1.0, steer=0.0 * seen.gps.x_m))
+
+
+AGENTS.append(follower)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_perturbation(GpsLoss)
+    registry.register_perturbation(SlowComputer)
+"""
+
+
+@pytest.mark.parametrize(
+    ("failure", "told"),
+    [
+        ("GPS loss", "*GpsLoss.observe gave an observation whose*"),
+        ("slow computer 2", "*SlowComputer.wants_inference gave None,*"),
+    ],
+)
+def test_a_perturbation_that_gives_what_cannot_be_used_is_an_error_not_a_failure(suite, failure, told):
+    result = run(suite(f"RD under {failure} <= 0.30", conftest=LOST), "--drive-agent", "follower")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["3 x simulation error, never scored: *", told])
+
+
 def test_an_agent_that_breaks_its_contract_is_scored_and_listed(suite):
     result = run(suite("DS under clean >= 90"), "--drive-agent", "faulty")
     result.assert_outcomes(failed=1)

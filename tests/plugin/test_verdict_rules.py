@@ -240,6 +240,25 @@ def pytest_drive_robust_register(registry):
     result.stdout.no_fnmatch_line("*Traceback*")
 
 
+def test_a_metric_that_writes_into_what_was_recorded_is_told_and_changes_no_other(suite):
+    metric = """
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    def bumps(results):
+        for result in results:
+            result.trace.rows[:] = 0.0
+        return 1.0
+
+    _known(registry)
+    registry.register_metric("bumps", bumps)
+"""
+    pytester = suite("bumps under clean <= 3", conftest=metric)
+    result = pytester.runpytest_inprocess("--drive-robust")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["the metric bumps raised ValueError: assignment destination is read-only (*"])
+
+
 def test_a_requirement_whose_metric_raises_is_an_error_in_every_report(suite, monkeypatch):
     metric = """
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
-from pytest_drive_robust.domain.result import Trace
+from pytest_drive_robust.domain.result import Trace, read_only
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
 from pytest_drive_robust.store.episode_fields import NO_TICKS
@@ -129,7 +129,7 @@ def logged_trace(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
     columns[:, 3:7] = np.stack(
         (motion.speed_mps, motion.forward_mps2, motion.right_mps2, motion.yaw_rate_radps), axis=1
     )
-    return Trace(columns)
+    return Trace(read_only(columns))
 
 
 class Comforts:

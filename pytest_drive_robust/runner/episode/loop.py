@@ -15,8 +15,8 @@ from pytest_drive_robust.domain.agent import Agent, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
-from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, read_only
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, SimulationError
@@ -33,6 +33,8 @@ _OUTCOMES = {
     End.AGENT_CRASHED: Outcome.AGENT_ERROR,
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
+_ROUNDING_PCT = 1e-6
+"""A sum of the metres outside may be longer than the way itself in its last digits."""
 
 
 class Watch:
@@ -124,6 +126,7 @@ class RunningEpisode:
         self.images: Mapping[str, Image] = {}
         self._watch = watch or Watch()
         self._view = () if view is None else (view,)
+        self._mounted: dict[str, CameraSpec] = {}  # what the world was asked for, by the camera's name
         self._seen: Observation | None = None
         self._lane_map: LaneMap | None = None  # the agent's own
         self._rows = array("d")  # of a `Trace`, one after the other
@@ -165,6 +168,7 @@ class RunningEpisode:
         self.witness = Witness(tuple(camera.name for camera in cameras), consumes)
         self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
+        self._mounted = {camera.name: camera for camera in cameras or self._view}
         self.state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
         self.plan = self.simulator.plan()
         self._enter("reset")
@@ -186,7 +190,9 @@ class RunningEpisode:
         """Return what the agent is to act on, in memory of its own; None while it is busy: then the tick is over."""
         stack = self.stack
         assert stack is not None  # start() came before
-        captured = self.simulator.observe()
+        captured = self._captured()
+        if stack.observes:  # worlds give the image of a slow camera again: what is written to it would add up
+            captured = captured.map_images(lambda name, image: image.read_only())
         self.images = captured.cameras
         if self.shows_view:
             captured = replace(captured, cameras={})
@@ -197,6 +203,25 @@ class RunningEpisode:
         self.witness.seen(captured, observation)
         given, truth = observation.private(), self._truth() if self.privileged else None
         return given if given.truth is truth else replace(given, truth=truth)
+
+    def _captured(self) -> Observation:
+        """Return what the world's sensors give. Raises `SimulationError`, else the agent would be blamed for it."""
+        captured: object = self.simulator.observe()
+        if not isinstance(captured, Observation):
+            raise SimulationError(f"observe() gave {captured!r}, expected an Observation")
+        problem = captured.signal_problem()
+        if problem is not None:
+            raise SimulationError(f"observe() gave an observation whose {problem}")
+        if not captured.cameras.keys() >= self._mounted.keys():
+            raise SimulationError(
+                f"observe() gave images of {sorted(captured.cameras)}, expected those of {sorted(self._mounted)}"
+            )
+        if self.ticks == 0:  # images are of one kind in a whole episode
+            for name, camera in self._mounted.items():
+                problem = camera.image_problem(captured.cameras[name])
+                if problem is not None:
+                    raise SimulationError(f"observe() gave an image of another kind: {problem}")
+        return captured
 
     def _truth(self) -> GroundTruth:
         """Return what a privileged agent may see, in memory of its own: worlds share the map of a town."""
@@ -291,7 +316,8 @@ class RunningEpisode:
     def _trace(self) -> Trace:
         """Return what was recorded so far, in memory of its own."""
         width = len(Trace.COLUMNS)
-        return Trace(np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width).copy())
+        rows = np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width)
+        return Trace(read_only(rows.copy()))
 
     def _end(self, score: EpisodeScore | None) -> tuple[End, str]:
         if isinstance(self.crash, AgentError):
@@ -314,6 +340,9 @@ def _checked_score(score: object) -> EpisodeScore:
         problem = unstorable(field.name, getattr(score, field.name))
         if problem is not None:
             raise SimulationError(f"score() gave what cannot be stored, {problem}")
+    for item in score.infractions:
+        if item.kind is InfractionKind.OUTSIDE_LANES and item.share_pct > 100.0 + _ROUNDING_PCT:
+            raise SimulationError(f"score() gave {item.kind.value} with share_pct {item.share_pct!r}, expected 0..100")
     return score
 
 

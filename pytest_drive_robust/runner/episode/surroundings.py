@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.agent import Agent, PlannedPath
-from pytest_drive_robust.domain.result import Tracks
+from pytest_drive_robust.domain.result import Tracks, read_only
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import AgentError
 from pytest_drive_robust.runner.episode.contract import agent_plan
@@ -94,7 +94,7 @@ class Surroundings:
             lights = np.array(self._lights, np.int32).reshape(len(self._egos), -1)
             plans = np.array(self._plans, np.int32).reshape(-1, 4)
             points = np.round(np.array(self._points, np.float64).reshape(-1, 2) * _POINTS_PER_M).astype(np.int32)
-            return Tracks(EVERY_TICKS, actors, motion, lights, plans, points)
+            return Tracks(EVERY_TICKS, *map(read_only, (actors, motion, lights, plans, points)))
         except (ArithmeticError, AttributeError, IndexError, TypeError, ValueError):
             return None
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
-from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch
+from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch, read_only
 
 
 class Witness:
@@ -62,7 +62,7 @@ class Witness:
         """Return what the agent was told so far, in memory of its own."""
         width = len(Given.COLUMNS) + len(self._cameras)
         whole = len(self._told) // width  # the last one breaks off where a perturbation gave no number
-        return Given(np.array(self._told[: whole * width], dtype=np.float32).reshape(whole, width))
+        return Given(read_only(np.array(self._told[: whole * width], dtype=np.float32).reshape(whole, width)))
 
     def _compare_images(self, captured: Observation, given: Observation) -> None:
         for name, image in captured.cameras.items():

@@ -161,6 +161,34 @@ def test_the_agent_is_asked_only_when_all_are_free() -> None:
     assert [tick for tick in range(13) if stack.wants_inference(tick)] == [0, 6, 12]
 
 
+@pytest.mark.parametrize("answer", [None, "no", 0.0])
+def test_an_answer_that_is_no_truth_value_is_not_taken_for_a_busy_computer(answer: object) -> None:
+    @dataclass
+    class Forgets(Perturbation):
+        phrase = "forgets"
+
+        def wants_inference(self, tick: int) -> bool:
+            return answer  # type: ignore[return-value]
+
+    with pytest.raises(
+        PerturbationError, match=rf"Forgets\.wants_inference gave {answer!r}, expected True or False: is"
+    ):
+        started(Forgets()).wants_inference(0)
+
+
+@pytest.mark.parametrize("no", [False, 0, np.bool_(False), np.int64(0)])
+def test_whole_numbers_answer_whether_the_agent_is_asked(no: bool) -> None:
+    @dataclass
+    class Half(Perturbation):
+        phrase = "half"
+
+        def wants_inference(self, tick: int) -> bool:
+            return no if tick else type(no)(1)
+
+    stack = started(Half())
+    assert (stack.wants_inference(0), stack.wants_inference(1)) == (True, False)
+
+
 def test_an_observation_that_is_none_names_the_guilty_class() -> None:
     @dataclass
     class Forgets(Perturbation):

@@ -18,7 +18,16 @@ from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
+from pytest_drive_robust.perturbations import (
+    BurstFrameDrop,
+    FrameBlend,
+    GpsNoise,
+    InferenceLatency,
+    PartialObservation,
+    Perturbation,
+    SensorDelay,
+    Setting,
+)
 from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -96,6 +105,20 @@ def test_a_long_trace_outgrows_its_first_memory_without_losing_a_row() -> None:
     assert result.trace.rows.base is None  # a stored trace must not hold the recorder's spare memory
     assert np.isfinite(result.trace.rows).all()
     assert (np.diff(result.trace.column("x_m")) > 0.0).all()
+
+
+@pytest.mark.parametrize("stored", [False, True])
+def test_nobody_can_write_into_what_was_recorded(stored: bool) -> None:
+    result = drive(ScriptedAgent([FULL], cameras=[CAMERA]))
+    if stored:
+        result = decode_episode(encode_episode(result))
+    given, tracks = result.given, result.tracks
+    assert given is not None
+    assert tracks is not None
+    of_tracks = (tracks.actors, tracks.motion, tracks.lights, tracks.plans, tracks.points)
+    for table in (*result.trace.columns("x_m", "speed_mps"), result.trace.rows, given.rows, *of_tracks):
+        with pytest.raises(ValueError, match="read-only"):
+            table[:] = 0
 
 
 def test_the_same_episode_is_the_same_to_the_bit_on_used_and_on_new_objects() -> None:
@@ -483,6 +506,40 @@ def test_a_perturbation_that_spoils_an_image_is_named_and_not_the_agent(
     assert told in result.end_detail
 
 
+@pytest.mark.parametrize(
+    "before",
+    [
+        Setting.CLEAN,
+        Setting.of(BurstFrameDrop(length_s=1.0, probability=1.0)),
+        Setting.of(SensorDelay(camera_ms=100)),
+        Setting.of(FrameBlend(frames=2)),
+    ],
+    ids=str,
+)
+def test_a_perturbation_that_writes_into_an_image_which_is_given_again_is_told_where(before: Setting) -> None:
+    class Dimming(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            if observation.tick == 2:
+                observation.cameras["front"].pixels[:] //= 2
+            return observation
+
+    slow = CameraSpec("front", width_px=16, height_px=9, rate_hz=5.0)
+    result = drive(ScriptedAgent([FULL], cameras=(slow,)), setting=before + Dimming())
+    assert (result.end, result.ticks) == (End.SIMULATION_CRASHED, 2)
+    assert "ValueError: output array is read-only (" in result.end_detail
+    assert "test_loop.py:" in result.end_detail
+
+
+@pytest.mark.parametrize("setting", ["100 ms sensor delay", "clean"])
+def test_an_agent_may_write_to_what_it_gets_under_any_setting(setting: str) -> None:
+    def scribble(observation: Observation) -> Control:
+        observation.cameras["front"].pixels[:] = 255
+        return FULL
+
+    result = drive(ScriptedAgent(scribble, cameras=(CAMERA,)), setting=Setting.parse(setting))
+    assert result.outcome is Outcome.COMPLETED
+
+
 def test_a_perturbation_that_loses_a_camera_is_named() -> None:
     class Losing(Perturbation):
         def observe(self, observation: Observation) -> Observation:
@@ -491,6 +548,59 @@ def test_a_perturbation_that_loses_a_camera_is_named() -> None:
     result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), setting=Setting.of(Losing()))
     assert result.end is End.SIMULATION_CRASHED
     assert "Losing.observe gave images of [], expected those of ['front']" in result.end_detail
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda seen: replace(seen, gps=replace(seen.gps, x_m=float("nan"))), "gps.x_m is nan, expected a finite"),
+        (lambda seen: replace(seen, speed=replace(seen.speed, mps="fast")), "speed.mps is 'fast', expected a finite"),
+        (lambda seen: replace(seen, imu=None), "imu is None, expected a Imu"),
+    ],
+)
+def test_a_signal_that_is_none_is_blamed_on_the_perturbation_or_the_world_that_gave_it(
+    change: Callable[[Observation], Any], told: str
+) -> None:
+    class Losing(Perturbation):
+        def observe(self, observation: Observation) -> Observation:
+            return change(observation) if observation.tick >= 20 else observation
+
+    class Lost(FakeSimulator):
+        def observe(self) -> Observation:
+            return change(super().observe()) if self._tick >= 20 else super().observe()
+
+    perturbed = drive(ScriptedAgent(by_speed), setting=Setting.of(Losing()))
+    assert (perturbed.end, perturbed.ticks) == (End.SIMULATION_CRASHED, 20)
+    assert f"Losing.observe gave an observation whose {told}" in perturbed.end_detail
+    result = drive(ScriptedAgent(by_speed), simulator=Lost())
+    assert (result.end, result.ticks) == (End.SIMULATION_CRASHED, 20)
+    assert f"observe() gave an observation whose {told}" in result.end_detail
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda seen: replace(seen, cameras={}), "observe() gave images of [], expected those of ['front']"),
+        (
+            lambda seen: seen.map_images(lambda name, image: Image(image.pixels[:4] / 1.0, image.tick)),
+            "observe() gave an image of another kind: front is (4, 16, 3) float64, expected (9, 16, 3) uint8",
+        ),
+        (
+            lambda seen: seen.map_images(lambda name, image: image.pixels),
+            "observe() gave an image of another kind: front is a ndarray, expected an Image",
+        ),
+        (lambda seen: None, "observe() gave None, expected an Observation"),
+    ],
+)
+def test_images_that_the_world_does_not_give_are_not_blamed_on_the_agent(
+    change: Callable[[Observation], Any], told: str
+) -> None:
+    class Blind(FakeSimulator):
+        def observe(self) -> Observation:
+            return change(super().observe())
+
+    result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), simulator=Blind())
+    assert (result.end, result.end_detail) == (End.SIMULATION_CRASHED, told)
 
 
 def test_what_was_injected_is_checked_before_it_is_stored() -> None:
@@ -516,12 +626,22 @@ def test_what_was_injected_is_checked_before_it_is_stored() -> None:
         ),
         (
             lambda score: replace(score, route_completion_pct=101.0),
-            "stored, route_completion_pct: expected a",
+            "stored, route_completion_pct: expected a finite number in 0..100, got 101.0",
         ),
         (lambda score: replace(score, route_length_m=math.nan), "cannot be stored, route_length_m: expected a finite"),
         (
             lambda score: replace(score, speed_ratios_pct=[None]),
             "stored, speed_ratios_pct: expected a finite",
+        ),
+        (
+            lambda score: replace(score, speed_ratios_pct=[90.0, -1.0]),
+            "stored, speed_ratios_pct: expected a finite number of 0 or more, got -1.0",
+        ),
+        (
+            lambda score: replace(
+                score, infractions=[Infraction(InfractionKind.OUTSIDE_LANES, 1, "", share_pct=101.0)]
+            ),
+            "score() gave outside_route_lanes with share_pct 101.0, expected 0..100",
         ),
         (lambda score: replace(score, junction_passed="yes"), "cannot be stored, junction_passed: expected true or"),
         (
