@@ -25,7 +25,7 @@ The wrapper is that of Bench2DriveZoo's `uniad_b2d_agent.py`: raw GPS, a route p
 bus from GPS, compass, speedometer and IMU, a PID on waypoints that falls back to the target point, no throttle above a
 speed (5 m/s), the brake dropped where the throttle is larger. Gains and target rules are the published ones; those of
 `tuning="ours"` were found for a plain car (`_wrappers.tuning`). By the published it passes 9 of the 44 routes of
-`one-per-scenario`; perfect waypoints pass 16.
+`one-per-scenario`; perfect waypoints pass 16 by them.
 """
 
 from __future__ import annotations

@@ -122,10 +122,10 @@ class RunRecords:
 
 def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
     """Return the stored episode where it is the drive that the document tells of, else what the document tells."""
-    told, stored = episode_of(item), find(item["key"])
-    if stored is not None and (stored.end, stored.trace.digest) == (told.end, item["trace_digest"]):
+    stored = find(item["key"])
+    if stored is not None and (stored.end.value, stored.trace.digest) == (item["end"], item["trace_digest"]):
         return stored
-    return told
+    return episode_of(item)
 
 
 def _same_id(label: str, route_id: str, where: str = "") -> UsageError:

@@ -39,12 +39,15 @@ def undeclared(agent: object, factory: object) -> Iterator[str]:
     """Return the attributes of an agent that decide its keys and that its factory does not have, or has otherwise.
 
     A factory may name more files and modules than the agent. What an agent keeps under these names for itself counts
-    for nothing: loaded weights, a configuration that has no plain values. Options may choose what computes.
+    for nothing: loaded weights, a configuration that has no plain values. Options may choose what computes. A factory
+    of its own kind that names files or a configuration is believed: it may give the agent others than its class has.
     """
-    if not {*_files(agent)} <= {*_files(factory)}:
+    own_kind = not isinstance(getattr(factory, "func", factory), type)
+    files = _files(factory)
+    if not {*_files(agent)} <= {*files} and not (own_kind and files):
         yield "weights"
-    configuration = _plain(agent)
-    if configuration is not None and configuration != _plain(factory):
+    configuration, told = _plain(agent), _plain(factory)
+    if configuration is not None and configuration != told and not (own_kind and told is not None):
         yield "configuration"
     if not isinstance(factory, ConfiguredFactory) and not {*_modules(agent)} <= {*_modules(factory)}:
         yield "computed_by"

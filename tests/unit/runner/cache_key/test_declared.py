@@ -52,18 +52,31 @@ behind_a_function_that_says_so.configuration = Says.configuration  # type: ignor
 behind_a_function_that_says_so.computed_by = ("torch", *Says.computed_by)  # type: ignore[attr-defined]
 
 
+class GivesOtherFiles:
+    """A factory of its own kind: its agents read another file than their class names."""
+
+    weights = ("other.txt",)
+    configuration: ClassVar[object] = {"gain": 2}
+    computed_by = Says.computed_by
+
+    def __call__(self) -> Says:
+        return Says()
+
+
 @pytest.fixture
 def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Registry:
     monkeypatch.chdir(tmp_path)
     Path("speed.txt").write_text("6.0")
+    Path("other.txt").write_text("5.0")
     registry = Registry()
+    registry.register_agent("GivesOtherFiles", GivesOtherFiles())
     for factory in (Says, SaysLate, KeepsForItself, behind_a_function, behind_a_function_that_says_so):
         registry.register_agent(factory.__name__, factory)
     return registry
 
 
 @pytest.mark.parametrize(
-    "name", ["Says", "KeepsForItself", "behind_a_function_that_says_so", "SaysLate:path=speed.txt"]
+    "name", ["Says", "KeepsForItself", "behind_a_function_that_says_so", "SaysLate:path=speed.txt", "GivesOtherFiles"]
 )
 def test_an_agent_is_made_whose_factory_says_what_it_says(registry: Registry, name: str) -> None:
     assert make_agent(registry, name) is not None
