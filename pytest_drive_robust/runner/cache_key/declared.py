@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from types import FunctionType
 
 from pytest_drive_robust.domain.agent import computing_modules
 from pytest_drive_robust.errors import PluginError
@@ -40,14 +41,14 @@ def undeclared(agent: object, factory: object) -> Iterator[str]:
 
     A factory may name more files and modules than the agent. What an agent keeps under these names for itself counts
     for nothing: loaded weights, a configuration that has no plain values. Options may choose what computes. A factory
-    of its own kind that names files or a configuration is believed: it may give the agent others than its class has.
+    object that names files or a configuration is believed: it may give the agent others than its class has.
     """
-    own_kind = not isinstance(getattr(factory, "func", factory), type)
+    is_object = not isinstance(getattr(factory, "func", factory), (type, FunctionType))
     files = _files(factory)
-    if not {*_files(agent)} <= {*files} and not (own_kind and files):
+    if not {*_files(agent)} <= {*files} and not (is_object and files):
         yield "weights"
     configuration, told = _plain(agent), _plain(factory)
-    if configuration is not None and configuration != told and not (own_kind and told is not None):
+    if configuration is not None and configuration != told and not (is_object and told is not None):
         yield "configuration"
     if not isinstance(factory, ConfiguredFactory) and not {*_modules(agent)} <= {*_modules(factory)}:
         yield "computed_by"

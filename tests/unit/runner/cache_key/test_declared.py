@@ -53,7 +53,7 @@ behind_a_function_that_says_so.computed_by = ("torch", *Says.computed_by)  # typ
 
 
 class GivesOtherFiles:
-    """A factory of its own kind: its agents read another file than their class names."""
+    """A factory object: its agents read another file than their class names."""
 
     weights = ("other.txt",)
     configuration: ClassVar[object] = {"gain": 2}
@@ -88,6 +88,18 @@ def test_what_a_function_leaves_out_is_named_with_the_lines_that_say_it(registry
     told = str(caught.value)
     assert "weights = ('speed.txt',) and configuration = {'gain': 1} and computed_by = ('numpy',)" in told
     assert "behind_a_function.weights = Says.weights; behind_a_function.configuration = Says.configuration" in told
+
+
+def test_a_function_that_names_another_file_is_not_believed(registry: Registry) -> None:
+    def names_another() -> Says:
+        return Says()
+
+    names_another.weights = ("other.txt",)  # type: ignore[attr-defined]
+    names_another.configuration = Says.configuration  # type: ignore[attr-defined]
+    names_another.computed_by = Says.computed_by  # type: ignore[attr-defined]
+    registry.register_agent("names_another", names_another)
+    with pytest.raises(PluginError, match=r"names_another\.weights = Says\.weights"):
+        make_agent(registry, "names_another")
 
 
 def test_what_is_set_in_a_constructor_belongs_in_the_class(registry: Registry) -> None:
