@@ -1,4 +1,4 @@
-"""`blind`: follows the plan by clean GPS at one speed and looks at nothing. What it passes, no camera is needed for.
+"""`blind`: follows the plan by raw GPS at one speed and looks at nothing. What it passes, no camera is needed for.
 
 A score below or near its own says nothing about what an agent sees.
 """

@@ -6,6 +6,7 @@ and the entry point group `pytest_drive_robust.metrics` register it.
 
 from __future__ import annotations
 
+import functools
 import math
 import traceback
 from collections.abc import Callable, Mapping, Sequence
@@ -54,7 +55,9 @@ class Metric:
     @classmethod
     def from_function(cls, name: str, function: MetricFunction) -> Metric:
         """Return the metric of a user's function: any range, no unit, higher is better."""
-        meaning = (getattr(function, "__doc__", None) or name).strip().splitlines()[0]
+        written = function.func if isinstance(function, functools.partial) else function
+        lines = (getattr(written, "__doc__", None) or "").split("\n")
+        meaning = next((line.strip() for line in lines if line.strip()), name)
         return cls(name, meaning, function=function)
 
     @property

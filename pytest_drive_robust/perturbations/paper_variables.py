@@ -35,7 +35,7 @@ def perturbations_from(environ: Mapping[str, str], known: Mapping[str, Callable[
     ========================== ======== =============================================================================
     variable                   default  meaning
     ========================== ======== =============================================================================
-    `SIM_RATE`                 20       ticks per second, converts the variables that count ticks
+    `SIM_RATE`                 20       ticks per second, converts the variables that count ticks but `WARMUP_STEPS`
     `ROBUSTNESS_ENABLE`        0        1 switches the perturbations of observations on: all but the latency
     `ROBUSTNESS_SEED`          none     refused: the seed of the episode decides, `--drive-seeds`
     `SENSOR_DELAY_CAM`         0        ticks by which images come late

@@ -7,7 +7,7 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -136,10 +136,14 @@ class Entry:
             ) from error
 
 
-def from_entry_points(kind: str) -> Iterator[Entry]:
-    """Return the entries that installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
-    found = metadata.entry_points(group=f"pytest_drive_robust.{kind}")
-    for point in sorted(found, key=lambda point: (point.name, point.value)):
+def from_entry_points(kinds: Iterable[str]) -> dict[str, list[Entry]]:
+    """Return by kind what installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
+    installed = metadata.entry_points()  # reads a file of each distribution, however few groups are asked for
+    return {kind: list(_declared(kind, installed.select(group=f"pytest_drive_robust.{kind}"))) for kind in kinds}
+
+
+def _declared(kind: str, points: Iterable[metadata.EntryPoint]) -> Iterator[Entry]:
+    for point in sorted(points, key=lambda point: (point.name, point.value)):
         distribution = point.dist
         origin = "an unknown distribution" if distribution is None else f"{distribution.name} {distribution.version}"
         yield Entry(kind, point.name, origin, point.load)

@@ -74,7 +74,8 @@ class Registry:
         self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
         self._problems: dict[tuple[str, str], DriveRobustError] = {}
         self._perturbations: dict[str, type[Perturbation]] = {}  # those that were checked
-        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points by kind: finding them reads disk
+        self._installed: dict[str, list[Entry]] | None = None  # entry points by kind: finding them reads disk
+        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and those by kind
 
     def register_agent(self, name: str, factory: AgentFactory | AgentFactories, *, argument: str = "") -> None:
         """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook.
@@ -241,8 +242,10 @@ class Registry:
     def _all(self, kind: str) -> dict[str, list[Entry]]:
         if kind not in KINDS:
             raise UnknownNameError.of("kind of entry", kind, KINDS)
+        if self._installed is None:
+            self._installed = from_entry_points(KINDS)
         if kind not in self._declared:
-            self._declared[kind] = (*_builtins(kind), *from_entry_points(kind))
+            self._declared[kind] = (*_builtins(kind), *self._installed[kind])
         found: dict[str, list[Entry]] = {}
         for entry in self._declared[kind]:
             found.setdefault(entry.name, []).append(entry)

@@ -39,6 +39,7 @@ def test_workers_report_usage_errors_by_whatever_name_xdist_is_loaded(suite, mon
     ("agent", "message"),
     [
         ("blind:speed=-3", "blind has the speed -3.0, expected m/s above 0"),
+        ("constant:throttle=2", "constant has the throttle 2.0, expected 0 to 1"),
         ("tcp:mode=fussed", "Did you mean 'fused'?"),
         ("vad:tuning=publishd", "Did you mean 'published'?"),
         ("uniad:engine=onx", "Did you mean 'onnx'?"),

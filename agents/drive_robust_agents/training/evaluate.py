@@ -16,6 +16,7 @@ from rich.table import Table
 from drive_robust_agents.training.candidates import candidate_name
 from drive_robust_agents.training.data.routes import VALIDATION_SEED, validation_routes
 from drive_robust_agents.training.drives import degradation, drive, summary
+from drive_robust_agents.training.prerequisites import require_positive
 from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> int:
     """Evaluate as the options say, print tables, write `evaluation.json`. Raises `UsageError`."""
+    require_positive(given, "workers")
     found = evaluate(
         given.agent, _files(given), routes_spec=given.routes, settings=given.settings, workers=given.workers,
         store=given.store,

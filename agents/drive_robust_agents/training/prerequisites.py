@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import argparse
 import re
 
 from drive_robust_agents._nets import require
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["TRAINING", "require_device", "require_packages"]
+__all__ = ["TRAINING", "require_device", "require_packages", "require_positive"]
 
 TRAINING = ("torch", "safetensors", "onnx", "scipy", "rich")
 """The packages of the extra `train`."""
@@ -36,3 +37,11 @@ def require_device(name: str) -> None:
     count = torch.cuda.device_count()
     if int(known[1] or 0) >= count:
         raise UsageError(f"--device {name}: torch sees {count} here, cuda:0 to cuda:{count - 1}. Give one of these.")
+
+
+def require_positive(given: argparse.Namespace, *options: str) -> None:
+    """Raise `UsageError` for the first of these options that was given a number which is not above 0."""
+    for name in options:
+        value = getattr(given, name)
+        if value is not None and not value > 0:
+            raise UsageError(f"--{name} is {value}, expected a number above 0.")

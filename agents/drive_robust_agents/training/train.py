@@ -19,7 +19,7 @@ from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
 from drive_robust_agents.training.loop.trainer import Trainer, TrainingOptions
-from drive_robust_agents.training.prerequisites import require_device
+from drive_robust_agents.training.prerequisites import require_device, require_positive
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 
 if TYPE_CHECKING:
@@ -63,6 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> int:
     """Train as the options say. The exit code is 130 when it was interrupted. Raises `UsageError`."""
     require_device(given.device)
+    require_positive(given, "visits", "epochs", "minutes", "batch", "lr", "threads", "readers")
     check_world(given.frames)
     torch.set_num_threads(given.threads)
     recipe = recipe_of(given.agent, robust=given.robust)

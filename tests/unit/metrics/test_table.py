@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 
 import pytest
@@ -50,6 +51,21 @@ def test_a_function_of_a_user_becomes_a_metric() -> None:
     assert metric.meaning == "How long the episodes were."
     assert metric.measure([make_result()]) == 40.0
     assert not metric.needs_clean
+
+
+def test_a_function_with_arguments_of_its_own_keeps_its_meaning_and_one_without_words_has_its_name() -> None:
+    def share(results: Sequence[EpisodeResult], of: float) -> float:
+        """
+        A share.
+        """
+        return of
+
+    def silent(results: Sequence[EpisodeResult]) -> float:
+        """ """
+        return 0.0
+
+    assert Metric.from_function("share", functools.partial(share, of=0.5)).meaning == "A share."
+    assert Metric.from_function("silent", silent).meaning == "silent"
 
 
 def test_what_a_function_of_a_user_raises_is_an_error_that_names_its_line() -> None:

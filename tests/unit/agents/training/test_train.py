@@ -134,6 +134,11 @@ def test_what_cannot_be_used_is_said_with_exit_code_four(
     train = ["train", "--agent", "tcp", "--run", str(tmp_path)]
     assert "no complete shards" in refused(capsys, *train, "--frames", str(tmp_path))
     assert "do not fill a batch of 4096" in refused(capsys, *train, "--frames", str(frames), "--batch", "4096")
+    for option in ("--visits", "--epochs", "--minutes", "--batch", "--lr", "--threads", "--readers"):
+        zero = refused(capsys, *train, "--frames", str(frames), option, "0")
+        assert zero.startswith(f"{option} is 0")
+        assert "expected a number above 0" in zero
+    assert "--workers is 0" in refused(capsys, "evaluate", "--agent", "tcp", "--run", str(run), "--workers", "0")
     assert "evaluate the run first" in refused(
         capsys, "publish", "--agent", "tcp", "--run", str(tmp_path), "--version", "1.0"
     )

@@ -185,7 +185,7 @@ def test_a_commit_of_a_distribution_is_no_part_of_its_version_but_a_release_is(m
         distribution = type("Installed", (), {"name": "some-agents", "version": version})
         point = metadata.EntryPoint("constant", "drive_robust_agents.constant:Constant", "pytest_drive_robust.agents")
         vars(point)["dist"] = distribution
-        monkeypatch.setattr(metadata, "entry_points", lambda group: [point] if group == point.group else [])
+        monkeypatch.setattr(metadata, "entry_points", lambda: metadata.EntryPoints([point]))
         return agent_identity("constant", Registry())
 
     first = identity_from("1.3.0")
