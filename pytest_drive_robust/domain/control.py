@@ -47,7 +47,7 @@ class Control:
 
 def _number(value: object) -> float | None:
     """Return a number of any library as a float; None for what is none, text included, which `float` would read."""
-    if isinstance(value, str | bytes | bytearray):
+    if isinstance(value, (str, bytes, bytearray)):
         return None
     try:
         return float(value)  # type: ignore[arg-type]

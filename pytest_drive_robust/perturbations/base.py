@@ -381,7 +381,7 @@ def is_yes_or_no(answer: object) -> bool:
     """Return whether this can answer `wants_inference`: None is a forgotten return, which would keep it busy."""
     import numpy as np
 
-    return isinstance(answer, int | np.bool_ | np.integer)
+    return isinstance(answer, (int, np.bool_, np.integer))
 
 
 def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
