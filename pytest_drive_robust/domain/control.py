@@ -37,12 +37,21 @@ class Control:
             ("steer", self.steer, -1.0),
             ("brake", self.brake, 0.0),
         ):
-            try:
-                number = float(value)
-            except (TypeError, ValueError):
+            number = _number(value)
+            if number is None:
                 return f"{name} is {value!r}, expected a number in {low:g}..1"
             if not math.isfinite(number) or not low <= number <= 1.0:
                 return f"{name} is {number!r}, expected a number in {low:g}..1"
+        return None
+
+
+def _number(value: object) -> float | None:
+    """Return a number of any library as a float; None for what is none, text included, which `float` would read."""
+    if isinstance(value, (str, bytes, bytearray)):
+        return None
+    try:
+        return float(value)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
         return None
 
 

@@ -48,7 +48,8 @@ class Perturbation:
     """Base of all perturbations: the identity on both seams, `+` to stack, and a sentence for people.
 
     The dataclass fields are the severities, with their unit in the name. The runner copies the object for every
-    episode, so `reset` may keep state in ordinary attributes. Everything else about a class stands in it as well:
+    episode, so `reset` may keep state in ordinary attributes. Everything else about a class stands in it as well,
+    without an annotation or as `ClassVar`, which makes no severity of it:
 
     * `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
       for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
@@ -162,6 +163,9 @@ class Perturbation:
     def __str__(self) -> str:
         return render(self)
 
+
+_OF_THE_CLASS = ("phrase", "variants", "example", "ladder", "readings", "files")
+"""What a class says about itself, and no severity."""
 
 BUILTIN: dict[str, type[Perturbation]] = {}
 """Every perturbation that comes with the package, by its name (`"gps-noise"`). `perturbations/__init__` fills it."""
@@ -330,6 +334,8 @@ class RunningStack:
                 raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
             if observation is given:
                 continue
+            if observation.tick != given.tick:  # what comes after it in the stack draws and counts by the tick
+                raise PerturbationError(f"{change.__qualname__} {another_tick(given, observation)}")
             problem = observation.signal_problem()
             if problem is not None:
                 raise PerturbationError(f"{change.__qualname__} gave an observation whose {problem}")
@@ -363,11 +369,19 @@ class RunningStack:
         return tuple(injection for item in self._perturbations for injection in item.schedule())
 
 
+def another_tick(given: Observation, got: Observation) -> str:
+    """Return in a clause what is wrong with an observation that `observe` kept from another tick."""
+    return (
+        f"gave the observation of tick {got.tick!r} in tick {given.tick}: give the signals of another tick, not the "
+        f"observation: dataclasses.replace(observation, gps=earlier.gps)"
+    )
+
+
 def is_yes_or_no(answer: object) -> bool:
     """Return whether this can answer `wants_inference`: None is a forgotten return, which would keep it busy."""
     import numpy as np
 
-    return isinstance(answer, int | np.bool_ | np.integer)
+    return isinstance(answer, (int, np.bool_, np.integer))
 
 
 def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
@@ -391,12 +405,21 @@ def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str,
 
 
 def check_severities_are_fields(cls: type[Perturbation]) -> None:
-    """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them."""
+    """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them.
+
+    So it does where an annotation made a field of what the class says about itself: `phrase: str = "..."`.
+    """
     for base in cls.__mro__:
         if base is not object and "__init__" in vars(base) and "__dataclass_params__" not in vars(base):
             raise PerturbationError(
                 f"{base.__name__} has an __init__ of its own, so that its severities are no fields: write @dataclass "
                 f"above the class, each severity as a field ('gain: float = 0.5'), and leave the __init__ out."
+            )
+    for field in dataclasses.fields(cls):
+        if field.name in _OF_THE_CLASS:
+            raise PerturbationError(
+                f"{cls.__name__} has {field.name!r} as a severity, because it is annotated: write it without an "
+                f"annotation ('{field.name} = ...'), or as ClassVar."
             )
 
 

@@ -44,7 +44,8 @@ class Simulator(Protocol):
     """One world, one episode at a time. No globals; everything seeded by (route, seed).
 
     The order of calls is `reset`, then for each tick `observe` (at most once) and `step`, until `done` is not None.
-    Making one is cheap: the world is built by `reset`.
+    Making one is cheap: the world is built by `reset`. The arrays of a `WorldState` belong to whoever was given it: no
+    later call writes to them, and nobody else does.
 
     An optional `check_route(route)` is called at collection, before anything is driven, and raises `RouteError` for a
     route that cannot be driven here.

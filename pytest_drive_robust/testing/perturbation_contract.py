@@ -11,8 +11,14 @@ import numpy as np
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.result import Injection
-from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.perturbations.base import Perturbation, Setting, is_yes_or_no
+from pytest_drive_robust.errors import PerturbationError, UsageError
+from pytest_drive_robust.perturbations.base import (
+    Perturbation,
+    Setting,
+    another_tick,
+    check_severities_are_fields,
+    is_yes_or_no,
+)
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
@@ -67,6 +73,10 @@ def _class(perturbation: Perturbation) -> Check:
         return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")
     if "__dataclass_fields__" not in vars(kind):
         return Check("class", False, f"{kind.__name__} is not a dataclass: write @dataclass above the class.")
+    try:
+        check_severities_are_fields(kind)
+    except PerturbationError as error:
+        return Check("class", False, f"{error}")
     if not kind.phrase:
         return Check("class", False, f"{kind.__name__} has no phrase: no requirement could name it.")
     return Check("class", True, "it is a dataclass with a phrase.")
@@ -152,6 +162,8 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
     """Return in a clause why no agent could take this observation, or None."""
     if not isinstance(got, Observation):
         return f"observe gave {got!r}, expected an Observation"
+    if got.tick != given.tick:
+        return f"observe {another_tick(given, got)}"
     problem = got.signal_problem()
     if problem is not None:
         return problem

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 
+import numpy as np
+
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
@@ -20,6 +22,11 @@ from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
 _OURS = "the simulation"
 _TICKS = 60
+_BRAKED_S = 10.0
+"""Long enough for an ego that a world starts at speed to stop, and to stand for `_STUCK_S`."""
+_STUCK_S = 1.0
+_STILL_MPS = 0.01
+"""Whatever a world calls standing, this is."""
 _Driven = tuple[RecordingAgent, EpisodeResult]
 _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 10 + [Control(brake=0.2)] * 20
 
@@ -27,7 +34,10 @@ _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 1
 def check_simulator(
     factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
 ) -> ContractReport:
-    """Drive four episodes of 60 ticks and tell which promises of the protocol hold. Raises nothing."""
+    """Drive five episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
+
+    Raises nothing.
+    """
     name = getattr(factory, "__name__", type(factory).__name__)
     return ContractReport(name, tuple(_checks(factory, route or fake_route(), seed)))
 
@@ -50,9 +60,12 @@ def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed
     if result.outcome is Outcome.INFRA_ERROR or not result.ticks:
         return
     yield attempt(_OURS, _versions, simulator)
+    yield attempt(_OURS, _trace, result.trace)
     yield attempt(_OURS, _stamps, record.observations, simulator.dt_s)
     yield (images := attempt(_OURS, _images, record.observations, simulator.dt_s))
     yield attempt(_OURS, _truth, simulator, route, seed)
+    yield attempt(_OURS, _states, simulator, route, seed)
+    yield attempt(_OURS, _stuck, factory, simulator.dt_s, route, seed)
     if images.ok:
         yield from _repeated(simulator, factory, route, seed, first)
     yield attempt(_OURS, _close, simulator)
@@ -121,6 +134,16 @@ def _versions(simulator: Simulator) -> Check:
     return Check("versions", True, f"{', '.join(versions) or 'nothing'} decides the numbers.")
 
 
+def _trace(trace: Trace) -> Check:
+    for name in Trace.COLUMNS:
+        values = trace.column(name)
+        wrong = np.flatnonzero(~np.isfinite(values))
+        if len(wrong):
+            told = f"after {wrong[0] + 1} ticks {name} is {values[wrong[0]]:g}"
+            return Check("trace", False, f"{told}, expected a finite number.")
+    return Check("trace", True, "the ego and progress_m are finite numbers in every tick.")
+
+
 def _stamps(observations: list[Observation], dt_s: float) -> Check:
     for tick, seen in enumerate(observations):
         ego_ticks = {seen.tick, seen.gps.tick, seen.compass.tick, seen.imu.tick, seen.speed.tick}
@@ -159,6 +182,42 @@ def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
         told = f"reset, truth and step give frames of ticks {frame.tick}, {truth.frame.tick} and {after.tick}"
         return Check("truth", False, f"{told}, expected 0, 0 and 1.")
     return Check("truth", True, "observe leaves the ground truth out, and frames count from 0.")
+
+
+def _states(simulator: Simulator, route: Route, seed: int) -> Check:
+    """Check that a state stays what it was: it is noted, drawn and judged after the step that follows it."""
+    states = [simulator.reset(route, seed=seed, cameras=())]
+    before = [(np.array(states[0].actors), np.array(states[0].lights))]
+    for control in _SCRIPT:
+        if simulator.done is not None:
+            break
+        simulator.observe()
+        states.append(simulator.step(control))
+        before.append((np.array(states[-1].actors), np.array(states[-1].lights)))
+    for tick, (state, kept) in enumerate(zip(states, before, strict=True)):
+        for name, array in zip(("actors", "lights"), kept, strict=True):
+            if not np.array_equal(getattr(state, name), array, equal_nan=True):
+                told = f"{name} of the state of tick {tick} are others after later ticks"
+                return Check("states", False, f"{told}: give each state arrays of its own.")
+    return Check("states", True, "a state stays as it is while the world goes on.")
+
+
+def _stuck(factory: Callable[[SimulatorOptions], Simulator], dt_s: float, route: Route, seed: int) -> Check:
+    simulator = factory(SimulatorOptions(tick_cap=round(_BRAKED_S / float(dt_s)), stuck_stop_s=_STUCK_S))
+    _, result = drive(ScriptedAgent([Control(brake=1.0)]), simulator, route=route, seed=seed)
+    simulator.close()
+    if result.outcome is Outcome.INFRA_ERROR:
+        return Check("stuck", False, f"an ego that brakes: tick {result.ticks}: {result.end_detail}.")
+    if result.end is End.STUCK:
+        return Check("stuck", True, f"the episode ends once the ego stood for {_STUCK_S:g} s.")
+    moved = np.flatnonzero(np.abs(result.trace.column("speed_mps")) >= _STILL_MPS)
+    stood_s = (result.ticks - (moved[-1] + 1 if len(moved) else 0)) * float(dt_s)
+    if stood_s >= 2.0 * _STUCK_S:
+        told = (
+            f"the ego stood for {stood_s:g} s under a stuck_stop_s of {_STUCK_S:g}, and the end is {result.end.value}"
+        )
+        return Check("stuck", False, f"{told}: end such an episode with End.STUCK.")
+    return Check("stuck", True, "not tried: an ego that brakes does not stand long enough here.")
 
 
 def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingAgent) -> Check:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import sys
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -90,6 +91,35 @@ def test_a_class_without_a_phrase_is_found() -> None:
         gain: float = 0.5
 
     assert "no phrase" in check_perturbation(Nameless())["class"].sentence
+
+
+def test_a_phrase_that_became_a_severity_is_found() -> None:
+    @dataclass
+    class Annotated(Perturbation):
+        gain: float = 0.5
+        phrase: str = "dimmed {gain}"  # type: ignore[misc]
+
+    report = check_perturbation(Annotated(0.6))
+    assert failed(report) == ["class"]
+    assert "Annotated has 'phrase' as a severity" in report["class"].sentence
+
+
+def test_an_observation_of_another_tick_is_found() -> None:
+    @dataclass
+    class Late(Perturbation):
+        ticks: int = 5
+        phrase = "all late {ticks}"
+
+        def reset(self, context: EpisodeContext) -> None:
+            self.kept: deque[Observation] = deque(maxlen=self.ticks + 1)
+
+        def observe(self, observation: Observation) -> Observation:
+            self.kept.append(observation)
+            return self.kept[0]
+
+    report = check_perturbation(Late(5))
+    assert failed(report) == ["observations"]
+    assert "tick 1: observe gave the observation of tick 0 in tick 1" in report["observations"].sentence
 
 
 def test_writing_into_the_argument_is_found() -> None:

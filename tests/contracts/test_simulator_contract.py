@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -15,6 +16,8 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
+from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
+from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
 
@@ -31,14 +34,23 @@ def test_the_fake_keeps_the_contract() -> None:
         "members",
         "end",
         "versions",
+        "trace",
         "stamps",
         "images",
         "truth",
+        "states",
+        "stuck",
         "determinism",
         "reset",
         "isolation",
         "close",
     ]
+
+
+def test_the_embedded_world_keeps_the_contract() -> None:
+    report = check_simulator(EmbeddedSimulator, route=named_routes("dev10")[0])
+    assert report.ok, str(report)
+    assert report["stuck"].sentence == "the episode ends once the ego stood for 1 s."
 
 
 @pytest.mark.parametrize("rate_hz", [10, 20, 25, 30])
@@ -124,6 +136,10 @@ def test_an_image_of_another_size_in_a_later_tick_is_found() -> None:
     ("cameras", "told"),
     [
         (lambda seen: {}, "tick 0: observe() gave images of [], expected those of ['front', 'rear']."),
+        (
+            lambda seen: {**seen.cameras, "ghost": seen.cameras["front"]},
+            "tick 0: observe() gave images of ['front', 'ghost', 'rear'], expected those of ['front', 'rear'].",
+        ),
         (
             lambda seen: {name: Image(image.pixels.tolist(), image.tick) for name, image in seen.cameras.items()},
             "tick 0: observe() gave an image of another kind: the pixels of front are a list, expected an array.",
@@ -275,9 +291,48 @@ def test_closing_twice_must_do_no_harm() -> None:
 
 
 def test_an_episode_that_does_not_end_under_the_cap_is_found() -> None:
-    report = check_simulator(lambda options: FakeSimulator(SimulatorOptions(tick_cap=options.tick_cap + 5)))
+    report = check_simulator(lambda options: FakeSimulator(replace(options, tick_cap=options.tick_cap + 5)))
     assert failed(report) == ["end"]
     assert "65 ticks under a tick_cap of 60" in report["end"].sentence
+
+
+def test_a_progress_that_is_no_number_in_one_tick_is_found() -> None:
+    class Lost(FakeSimulator):
+        @property
+        def progress_m(self) -> float:
+            return math.nan if self._tick == 3 else super().progress_m
+
+    report = check_simulator(Lost)
+    assert failed(report) == ["trace"]
+    assert report["trace"].sentence == "after 3 ticks progress_m is nan, expected a finite number."
+
+
+def test_a_table_of_actors_that_a_later_tick_writes_to_is_found() -> None:
+    class Reusing(FakeSimulator):
+        def step(self, control: Control) -> WorldState:
+            self._actors[0, WorldState.X] += 0.1
+            return super().step(control)
+
+    report = check_simulator(Reusing)
+    assert failed(report) == ["states"]
+    assert "actors of the state of tick 0 are others after later ticks" in report["states"].sentence
+
+
+def test_a_world_that_waits_for_an_ego_that_stands_is_found() -> None:
+    report = check_simulator(lambda options: FakeSimulator(replace(options, stuck_stop_s=None)))
+    assert failed(report) == ["stuck"]
+    told = "the ego stood for 10 s under a stuck_stop_s of 1, and the end is "
+    assert told in report["stuck"].sentence
+
+
+def test_an_ego_that_cannot_stand_says_nothing_of_the_option() -> None:
+    class Rolling(FakeSimulator):
+        def step(self, control: Control) -> WorldState:
+            return super().step(replace(control, brake=0.0, throttle=0.5))
+
+    report = check_simulator(lambda options: Rolling(replace(options, stuck_stop_s=None)))
+    assert report.ok, str(report)
+    assert report["stuck"].sentence.startswith("not tried")
 
 
 @pytest.mark.parametrize("seed", [0, 7])

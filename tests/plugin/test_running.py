@@ -122,6 +122,19 @@ class SlowComputer(Perturbation):
         tick % self.every == 0
 
 
+@dataclass
+class AllLate(Perturbation):
+    ticks: int = 5
+    phrase = "all late {ticks}"
+
+    def reset(self, context):
+        self.kept = []
+
+    def observe(self, observation):
+        self.kept.append(observation)
+        return self.kept[max(observation.tick - self.ticks, 0)]
+
+
 def follower():
     return ScriptedAgent(lambda seen: Control(throttle=1.0, steer=0.0 * seen.gps.x_m))
 
@@ -134,6 +147,7 @@ def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
     _known(registry)
     registry.register_perturbation(GpsLoss)
     registry.register_perturbation(SlowComputer)
+    registry.register_perturbation(AllLate)
 """
 
 
@@ -142,6 +156,7 @@ def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
     [
         ("GPS loss", "*GpsLoss.observe gave an observation whose*"),
         ("slow computer 2", "*SlowComputer.wants_inference gave None,*"),
+        ("all late 5", "*AllLate.observe gave the observation of tick 0 in tick*"),
     ],
 )
 def test_a_perturbation_that_gives_what_cannot_be_used_is_an_error_not_a_failure(suite, failure, told):

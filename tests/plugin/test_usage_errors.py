@@ -306,3 +306,23 @@ def test_a_severity_that_no_tick_shows_is_refused_also_behind_a_reset_that_raise
     output = refused(suite("RD under mistyped 0.6 and 20 ms latency <= 0.30", conftest=WANTS_A_RIG), *workers)
     assert "ms is 20.0, expected 0 or at least one tick" in output
     assert driven() == []
+
+
+ANNOTATED = """
+
+@dataclass
+class Dimmed(Perturbation):
+    gain: float = 0.5
+    phrase: str = "dimmed camera {gain}"
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_perturbation(Dimmed)
+"""
+
+
+def test_a_phrase_that_became_a_severity_is_refused_before_anything_ran(suite, driven):
+    output = refused(suite(GREEN, conftest=ANNOTATED))
+    assert "Dimmed has 'phrase' as a severity, because it is annotated" in output
+    assert driven() == []

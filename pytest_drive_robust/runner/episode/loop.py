@@ -212,7 +212,7 @@ class RunningEpisode:
         problem = captured.signal_problem()
         if problem is not None:
             raise SimulationError(f"observe() gave an observation whose {problem}")
-        if not captured.cameras.keys() >= self._mounted.keys():
+        if captured.cameras.keys() != self._mounted.keys():
             raise SimulationError(
                 f"observe() gave images of {sorted(captured.cameras)}, expected those of {sorted(self._mounted)}"
             )

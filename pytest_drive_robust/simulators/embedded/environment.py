@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
@@ -15,17 +16,24 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.routes import default_set
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
+from pytest_drive_robust.simulators.embedded.state import DT_S
 from pytest_drive_robust.simulators.routes import resolve_routes
 
 Observed = dict[str, NDArray[Any]]
 _TARGET_AHEAD_M = 5.0
 _INFRACTION_COST = 10.0
+_SIGNALS: Mapping[str, tuple[tuple[int, ...], float]] = {
+    "speed": ((1,), 100.0),
+    "imu": ((3,), 1000.0),
+    "target": ((2, 2), 1e5),
+}
+"""The shape and the largest number of what is observed beside the images."""
 
 
 class WorldSnapshot(NamedTuple):
@@ -72,16 +80,17 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     ) -> None:
         self.render_mode = render_mode
         self._routes = resolve_routes(routes) if isinstance(routes, str) else tuple(routes)
-        self._cameras = tuple(cameras)
+        if not self._routes:
+            raise UsageError("the environment has no routes: give at least one")
+        self._cameras = _checked(cameras)
         self._simulator = EmbeddedSimulator(options)
         self._plan = GlobalPlan(())
         self._next = 0
         self._seen = (0.0, 0)
         self._limits = spaces.Box(np.array([0, -1, 0], np.float32), np.ones(3, np.float32))
         self.action_space = self._limits
-        limits = {"speed": ((1,), 100.0), "imu": ((3,), 1000.0), "target": ((2, 2), 1e5)}
         self.observation_space = spaces.Dict(
-            {name: spaces.Box(-limit, limit, shape, np.float32) for name, (shape, limit) in limits.items()}
+            {name: spaces.Box(-limit, limit, shape, np.float32) for name, (shape, limit) in _SIGNALS.items()}
             | {
                 camera.name: spaces.Box(0, 255, (camera.height_px, camera.width_px, 3), np.uint8)
                 for camera in self._cameras
@@ -102,7 +111,12 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observed(self._simulator.observe()), self._info(None)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
-        """Advance by 50 ms."""
+        """Advance by 50 ms; numbers out of range count as the nearest one in it.
+
+        Raises `gymnasium.error.InvalidAction` for what is not three finite numbers.
+        """
+        if np.shape(action) != (3,) or not np.isfinite(action).all():
+            raise InvalidAction(f"the action is {action!r}, expected three finite numbers: throttle, steer, brake")
         throttle, steer, brake = (float(v) for v in np.clip(action, self._limits.low, self._limits.high))
         self._simulator.step(Control(throttle, steer, brake))
         end = self._simulator.done
@@ -178,3 +192,18 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         point, yaw = self._plan.points[index], observation.compass.yaw_rad
         dx, dy = point.x_m - observation.gps.x_m, point.y_m - observation.gps.y_m
         return dx * scalars.cos(yaw) + dy * scalars.sin(yaw), -dx * scalars.sin(yaw) + dy * scalars.cos(yaw)
+
+
+def _checked(cameras: Sequence[CameraSpec]) -> tuple[CameraSpec, ...]:
+    """Return the cameras. Raises `UsageError` for one that cannot be, and for two things of one name."""
+    taken = set(_SIGNALS)
+    for camera in cameras:
+        problem = camera.problem(DT_S)
+        if problem is not None:
+            raise UsageError(f"camera {camera.name!r}: {problem}")
+        if camera.name in taken:
+            raise UsageError(
+                f"camera {camera.name!r}: something else in the observation has this name, expected another"
+            )
+        taken.add(camera.name)
+    return tuple(cameras)

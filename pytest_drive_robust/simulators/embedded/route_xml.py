@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 
@@ -24,6 +25,15 @@ _OF_CARLA = (
     "scattering_intensity",
 )  # fmt: skip
 """Attributes of `carla.WeatherParameters` that our worlds do not show."""
+_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "route": (("id", "town"), ("waypoints", "scenarios", "weathers")),
+    "waypoints": ((), ("position",)),
+    "position": (("x", "y", "z"), ()),
+    "scenarios": ((), ("scenario",)),
+    "trigger_point": (("x", "y", "z", "yaw"), ()),
+    "weathers": ((), ("weather",)),
+}
+"""The attributes and elements of each element, where nobody else refuses others."""
 _CARLA_DEFAULT = -1.0
 """A percentage of -1 leaves the choice to CARLA; ours is then the default, too."""
 
@@ -33,8 +43,9 @@ def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
 
     Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Where a
     road is built around the waypoints, what the scenario types need is checked, too, and, where anything is wrong,
-    whether a road can be built, so that one reading tells everything. On towns that are not CARLA's, elements that no
-    scenario of ours reads are refused, where the leaderboard's files have some that mean something to CARLA alone.
+    whether a road can be built, so that one reading tells everything. On towns that are not CARLA's, elements and
+    attributes that nothing of ours reads are refused, where the leaderboard's files have some that mean something to
+    CARLA alone.
 
     A route has one weather. Where a file of the leaderboard has several, the one with the lowest `route_percentage` is
     the route's, that of its start; for other towns all of them must be the same.
@@ -55,6 +66,9 @@ def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
     elements = root.findall("route")
     if not elements:
         raise RouteError(f"{path}: holds no <route>")
+    strange = next((child.tag for child in root if child.tag != "route"), None)
+    if strange is not None and not any(is_carla(element.get("town", "")) for element in elements):
+        raise RouteError(f"{path}: {_no_such('routes', 'element', strange, ('route',))}")
     routes, problems = _read(elements)
     if problems:
         problems += [problem for route in routes if (problem := _misfit(route)) is not None]
@@ -141,6 +155,10 @@ def _route(element: ElementTree.Element) -> Route:
     town = element.get("town")
     if not town:
         raise RouteError(f"{where}: <route> has no town")
+    official = is_carla(town)
+    unread = [] if official else list(_unread(element))
+    if unread:
+        raise RouteError(f"{where}: {'; '.join(unread)}")
     positions = element.findall("waypoints/position")
     waypoints = tuple(
         Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions
@@ -150,9 +168,35 @@ def _route(element: ElementTree.Element) -> Route:
     scenarios = element.findall("scenarios/scenario")
     if len(scenarios) != 1:
         raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
-    official = is_carla(town)
     scenario = _scenario(scenarios[0], where, strict=not official)
     return Route(route_id, town, waypoints, scenario, _weather(element, where, official=official))
+
+
+def _unread(element: ElementTree.Element) -> Iterator[str]:
+    """Say of an element, and of those in it, what nothing reads: names that mean nothing there, what is said twice."""
+    attributes, children = _NAMES.get(element.tag, (tuple(element.attrib), ()))
+    if element.tag == "scenario":  # which elements it has is a question of its type
+        attributes, children = ("name", "type"), tuple(child.tag for child in element)
+    for name in element.attrib:
+        if name not in attributes:
+            yield _no_such(element.tag, "attribute", name, attributes)
+    for child in element:
+        if child.tag in children:
+            yield from _unread(child)
+        else:
+            yield _no_such(element.tag, "element", child.tag, children)
+    if element.tag == "scenario":
+        for name, times in Counter(child.tag for child in element).items():
+            if times > 1:
+                yield f"<{name}> stands {times} times in its scenario, expected once"
+
+
+def _no_such(element: str, what: str, name: str, known: tuple[str, ...]) -> str:
+    """Say that an element has nothing of this name, with the nearest one that it has, or where it belongs."""
+    home = next((tag for tag, (_, children) in _NAMES.items() if what == "element" and name in children), None)
+    close = nearest(name, known)
+    hint = f": it belongs in <{home}>." if home else f", did you mean {close!r}?" if close else "."
+    return f"<{element}> has no {what} {name!r}{hint} Known: {', '.join(known) or 'none'}"
 
 
 def _scenario(element: ElementTree.Element, where: str, *, strict: bool) -> ScenarioSpec:
@@ -201,9 +245,7 @@ def _one_weather(element: ElementTree.Element, where: str, *, official: bool) ->
     names = [field.name for field in fields(Weather)]
     for name in element.attrib:
         if name not in (*names, _SHARE, *(_OF_CARLA if official else ())):
-            close = nearest(name, names)
-            hint = f", did you mean {close!r}?" if close else "."
-            raise RouteError(f"{where}: <weather> has no attribute {name!r}{hint} Known: {_SHARE}, {', '.join(names)}")
+            raise RouteError(f"{where}: {_no_such('weather', 'attribute', name, (_SHARE, *names))}")
     given = {name: _number(element, name, where) for name in names if name in element.attrib}
     for name, number in tuple(given.items()):
         if number == _CARLA_DEFAULT and name not in _WEATHER_RANGES:

@@ -305,6 +305,26 @@ def test_severities_that_are_no_fields_are_refused() -> None:
         Setting.of(WeakThrottle(0.0))
 
 
+@pytest.mark.parametrize("name", ["phrase", "variants", "example", "ladder", "readings", "files"])
+def test_what_a_class_says_about_itself_is_no_severity(name: str) -> None:
+    said: dict[str, object] = {"phrase": "weak {gain}", "files": (), "ladder": None}
+    body = {"__annotations__": {"gain": float, name: object}, "gain": 0.5, **said, name: said.get(name, ())}
+    annotated = dataclass(type("Weak", (Perturbation,), body))
+    told = f"Weak has '{name}' as a severity, because it is annotated: write it without an annotation"
+    with pytest.raises(PerturbationError, match=told):
+        Setting.of(annotated(0.4))
+
+
+def test_what_a_class_says_about_itself_may_be_annotated_as_such() -> None:
+    @dataclass
+    class Weak(Perturbation):
+        gain: float = 0.5
+        phrase: ClassVar[str] = "weak {gain}"
+        files: ClassVar = ()
+
+    assert str(Setting.of(Weak(0.4))) == "weak 0.4"
+
+
 @pytest.mark.parametrize("joint", [" + ", ", ", " & ", ","])
 def test_who_joins_failures_otherwise_is_told_the_word(joint: str) -> None:
     with pytest.raises(RequirementError, match=r"Join failures with 'and': 'occlusion 0.5 and 100 ms latency'"):

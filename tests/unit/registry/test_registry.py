@@ -371,6 +371,12 @@ def test_a_sentence_that_cannot_be_read_back_is_refused_where_it_is_registered(p
         Registry().register_perturbation(failure(phrase))
 
 
+def test_a_phrase_that_became_a_severity_is_refused_where_it_is_registered() -> None:
+    body = {"__annotations__": {"gain": float, "phrase": str}, "gain": 0.5, "phrase": "dimmed {gain}"}
+    with pytest.raises(PluginError, match=r"'dimmed' from .* cannot be used: Dimmed has 'phrase' as a severity"):
+        Registry().register_perturbation(dataclass(type("Dimmed", (Perturbation,), body)))
+
+
 def test_the_name_of_a_built_in_failure_or_world_keeps_its_meaning() -> None:
     with pytest.raises(UsageError, match="'gps-noise' is a built-in perturbation and keeps its meaning"):
         Registry().register_perturbation(failure("dimmed {gain}"), "gps-noise")

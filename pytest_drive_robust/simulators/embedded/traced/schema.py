@@ -84,6 +84,33 @@ _RANGES: dict[str, tuple[float, float]] = {
     "source_dist_interval": (1.0, 1000.0),
 }
 """Metres, km/h for `speed` and `bicycle_speed`, m/s for `flow_speed`, degrees for `crossing_angle`."""
+_FLOW_TYPES = (
+    "CrossingBicycleFlow", "EnterActorFlow", "HighwayExit", "InterurbanActorFlow", "InterurbanAdvancedActorFlow",
+    "MergerIntoSlowTraffic", "MergerIntoSlowTrafficV2", "NonSignalizedJunctionLeftTurn",
+    "NonSignalizedJunctionLeftTurnEnterFlow", "NonSignalizedJunctionRightTurn", "SignalizedJunctionLeftTurn",
+    "SignalizedJunctionLeftTurnEnterFlow", "SignalizedJunctionRightTurn",
+)  # fmt: skip
+_OBSTACLES = ("Accident", "ConstructionObstacle", "HazardAtSideLane", "ParkedObstacle")
+_OBSTACLES_TWO_WAYS = tuple(f"{name}TwoWays" for name in _OBSTACLES)
+READERS: dict[str, tuple[str, ...]] = {
+    "distance": (
+        *_OBSTACLES, *_OBSTACLES_TWO_WAYS, "DynamicObjectCrossing", "HighwayCutIn", "InvadingTurn",
+        "ParkingCrossingPedestrian", "ParkingCutIn", "StaticCutIn", "VehicleOpensDoorTwoWays",
+        "YieldToEmergencyVehicle",
+    ),
+    "speed": _OBSTACLES,
+    "flow_speed": _FLOW_TYPES,
+    "flow_distance": ("ParkingExit",),
+    "crossing_angle": ("DynamicObjectCrossing", "ParkingCrossingPedestrian"),
+    "offset": ("InvadingTurn",),
+    "front_vehicle_distance": ("ParkingExit",),
+    "behind_vehicle_distance": ("ParkingExit",),
+    "bicycle_drive_distance": ("HazardAtSideLane", "HazardAtSideLaneTwoWays"),
+    "bicycle_speed": ("HazardAtSideLane", "HazardAtSideLaneTwoWays"),
+    "frequency": (*_OBSTACLES_TWO_WAYS, "VehicleOpensDoorTwoWays"),
+    "source_dist_interval": _FLOW_TYPES,
+}  # fmt: skip
+"""The scenario types of the embedded world that read an element of numbers."""
 _INTERVALS = ("frequency", "source_dist_interval")
 """They have `from` and `to`, or one `value`."""
 
@@ -163,7 +190,7 @@ def is_numeric(element: str) -> bool:
 def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True) -> list[str]:
     """Return what is wrong with a scenario of a route file; empty when nothing is.
 
-    `strict`: there may be no element that none of our scenarios reads. `placed`: the places that a type has must be
+    `strict`: there may be no element that the scenario does not read. `placed`: the places that a type has must be
     given.
     """
     schema = SCHEMA.get(spec.type)
@@ -189,15 +216,22 @@ def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True
 
 def _without_effect(spec: ScenarioSpec, schema: TypeSchema) -> list[str]:
     """Return what is wrong with the names of elements and attributes: nothing would come of them."""
-    attributes: dict[str, tuple[str, ...]] = dict.fromkeys((*_RANGES, "direction"), ("value",))
-    attributes |= dict.fromkeys(_INTERVALS, ("from", "to", "value"))
+    attributes: dict[str, tuple[str, ...]] = {
+        name: ("from", "to", "value") if name in _INTERVALS else ("value",)
+        for name, types in READERS.items()
+        if spec.type in types
+    }
+    if schema.directions or spec.type in _OBSTACLES_TWO_WAYS:
+        attributes["direction"] = ("value",)
     attributes |= dict.fromkeys((*schema.locations, *schema.optional_locations), ("x", "y", "z"))
     found = []
     for element in (*spec.parameters, *spec.texts):
         if element not in attributes:
             close = nearest(element, attributes)
             hint = f", did you mean {close!r}?" if close else ""
-            found.append(f"<{element}> is no element of {spec.type}{hint} (known: {', '.join(sorted(attributes))})")
+            found.append(
+                f"<{element}> is no element of {spec.type}{hint} (known: {', '.join(sorted(attributes)) or 'none'})"
+            )
             continue
         found += [
             f"<{element}> has an attribute {other!r}, expected {', '.join(attributes[element])}"

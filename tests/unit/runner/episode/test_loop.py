@@ -20,6 +20,7 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
+    EpisodeContext,
     FrameBlend,
     GpsNoise,
     InferenceLatency,
@@ -550,6 +551,20 @@ def test_a_perturbation_that_loses_a_camera_is_named() -> None:
     assert "Losing.observe gave images of [], expected those of ['front']" in result.end_detail
 
 
+def test_an_observation_of_another_tick_is_blamed_on_the_perturbation_that_kept_it() -> None:
+    class Late(Perturbation):
+        def reset(self, context: EpisodeContext) -> None:
+            self.kept: list[Observation] = []
+
+        def observe(self, observation: Observation) -> Observation:
+            self.kept.append(observation)
+            return self.kept[max(observation.tick - 5, 0)]
+
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(Late()))
+    assert (result.end, result.ticks) == (End.SIMULATION_CRASHED, 1)
+    assert "Late.observe gave the observation of tick 0 in tick 1: give the signals" in result.end_detail
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
@@ -581,6 +596,10 @@ def test_a_signal_that_is_none_is_blamed_on_the_perturbation_or_the_world_that_g
     ("change", "told"),
     [
         (lambda seen: replace(seen, cameras={}), "observe() gave images of [], expected those of ['front']"),
+        (
+            lambda seen: replace(seen, cameras={**seen.cameras, "ghost": seen.cameras["front"]}),
+            "observe() gave images of ['front', 'ghost'], expected those of ['front']",
+        ),
         (
             lambda seen: seen.map_images(lambda name, image: Image(image.pixels[:4] / 1.0, image.tick)),
             "observe() gave an image of another kind: front is (4, 16, 3) float64, expected (9, 16, 3) uint8",

@@ -7,12 +7,13 @@ import warnings
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
 
 import pytest_drive_robust.simulators.gymnasium_ids  # noqa: F401 -- registers the id
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.outcome import End
-from pytest_drive_robust.errors import SimulationError, UnknownNameError
+from pytest_drive_robust.errors import SimulationError, UnknownNameError, UsageError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
 from pytest_drive_robust.simulators.embedded.geometry import place
@@ -154,6 +155,34 @@ def test_branches_are_a_straight_run_bit_by_bit(route):
     env.restore(here)
     assert rollout(env, elsewhere) == other
     assert other != straight[33:50]
+
+
+@pytest.mark.parametrize(
+    ("cameras", "told"),
+    [
+        ([CameraSpec("speed")], "camera 'speed': something else in the observation has this name"),
+        ([CameraSpec("front"), CameraSpec("front")], "camera 'front': something else in the observation has this name"),
+        ([CameraSpec("front", width_px=0)], "camera 'front': width_px is 0, expected a whole number"),
+    ],
+)
+def test_cameras_that_cannot_be_observed_are_refused_where_they_are_given(cameras, told):
+    with pytest.raises(UsageError, match=told):
+        gymnasium.make("drive_robust/World-v0", cameras=cameras)
+
+
+def test_an_environment_without_routes_is_refused():
+    with pytest.raises(UsageError, match="no routes: give at least one"):
+        gymnasium.make("drive_robust/World-v0", routes=[])
+
+
+@pytest.mark.parametrize("action", [[np.nan, 0, 0], [np.inf, 0, 0], [0.5], 0.5, [[0.5, 0, 0]], [0.5, 0, 0, 0]])
+def test_an_action_that_is_not_three_finite_numbers_is_refused(action):
+    env = WorldEnv()
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match="expected three finite numbers: throttle, steer, brake"):
+        env.step(np.array(action, np.float32))
+    observed, *_ = env.step(np.array([2.0, 0.0, -1.0], np.float32))  # clipped, and nothing of the refused one is left
+    assert np.isfinite(observed["speed"]).all()
 
 
 def test_a_snapshot_of_another_episode_is_refused():

@@ -4,23 +4,28 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.route import RoadOption, Route
 from pytest_drive_robust.errors import RouteError, UnknownNameError
+from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
 from pytest_drive_robust.simulators.embedded.generate import draw_routes, main
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
 from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
+from pytest_drive_robust.simulators.embedded.traced.schema import READERS, SCHEMA
+from pytest_drive_robust.simulators.embedded.world import World
 
 ROUTES = named_routes("full")
-GOOD = """<routes><route id="7" town="Street1"><waypoints>
+GOOD = """<routes><route id="7" town="Town03"><waypoints>
 <position x="0" y="1.7" z="0"/><position x="50" y="1.7" z="0"/></waypoints>
 <scenarios><scenario name="HardBreakRoute_1" type="HardBreakRoute"><trigger_point x="5" y="1.7" z="0" yaw="0"/>
 <distance value="40"/><direction value="right"/><source_dist_interval from="15" to="28"/></scenario></scenarios>
@@ -74,7 +79,7 @@ def test_parameters_texts_and_weather_are_read(tmp_path: Path) -> None:
     [
         (("<routes>", "<router>"), "not a route XML file"),
         (('id="7"', ""), "has no id"),
-        (('town="Street1"', ""), "has no town"),
+        (('town="Town03"', ""), "has no town"),
         (('x="50"', 'x="fifty"'), "x='fifty', expected a finite number"),
         (('x="50"', 'x="nan"'), "expected a finite number"),
         (('type="HardBreakRoute"', ""), "has no type"),
@@ -143,6 +148,82 @@ def test_nor_is_it_on_a_polyline_of_ones_own(tmp_path: Path, town: str, was: str
     with pytest.raises(RouteError, match="route 7: ") as caught:
         load_routes(tmp_path / "own.xml")
     assert says in str(caught.value)
+
+
+STRANGE = [
+    (
+        "<weathers>",
+        f"{CLEAR}<weathers>",
+        "<route> has no element 'weather': it belongs in <weathers>. Known: waypoints",
+    ),
+    ("<weathers>", "<weater/><weathers>", "<route> has no element 'weater', did you mean 'weathers'? Known: waypoints"),
+    ("<weathers>", '<seed value="3"/><weathers>', "<route> has no element 'seed'"),
+    ('id="7"', 'id="7" wheather="x"', "<route> has no attribute 'wheather'"),
+    ('x="-50"', 'x="-50" speed="3"', "<position> has no attribute 'speed'. Known: x, y, z"),
+    ("<waypoints>", "<waypoints><positon/>", "<waypoints> has no element 'positon', did you mean 'position'?"),
+    ("<waypoints>", '<waypoints step="2">', "<waypoints> has no attribute 'step'. Known: none"),
+    ("<scenarios>", "<scenarios><scenaro/>", "<scenarios> has no element 'scenaro', did you mean 'scenario'?"),
+    ('name="s"', 'name="s" tpye="b"', "<scenario> has no attribute 'tpye', did you mean 'type'?"),
+    ('yaw="0"', 'yaw="0" roll="3"', "<trigger_point> has no attribute 'roll'. Known: x, y, z, yaw"),
+    ("<weathers>", "<weathers><wheather/>", "<weathers> has no element 'wheather', did you mean 'weather'?"),
+    (DISTANCE, f'{DISTANCE}<distance value="45"/>', "<distance> stands 2 times in its scenario, expected once"),
+    (DISTANCE, "<distance value='9'><to/></distance>", "<distance> has no element 'to'"),
+]
+
+
+@pytest.mark.parametrize("town", ["Street1", "Town77"])
+@pytest.mark.parametrize(("was", "becomes", "says"), STRANGE)
+def test_what_nothing_reads_is_refused_outside_of_scenarios_too(
+    tmp_path: Path, town: str, was: str, becomes: str, says: str
+) -> None:
+    text = STREET_TEXT.replace('town="Street1"', f'town="{town}"').replace(was, becomes, 1)
+    (tmp_path / "own.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(RouteError, match="route 7: ") as caught:
+        load_routes(tmp_path / "own.xml")
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(("was", "becomes", "says"), STRANGE)
+def test_files_of_the_leaderboard_are_read_whatever_else_stands_in_them(
+    tmp_path: Path, was: str, becomes: str, says: str
+) -> None:
+    text = STREET_TEXT.replace('town="Street1"', 'town="Town12"').replace(was, becomes, 1)
+    (tmp_path / "official.xml").write_text(text, encoding="utf-8")
+    assert load_routes(tmp_path / "official.xml")[0].id == "7", says
+
+
+def test_a_misspelt_route_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "own.xml").write_text(STREET_TEXT.replace("</routes>", "<rout/></routes>"), encoding="utf-8")
+    with pytest.raises(RouteError, match=r"<routes> has no element 'rout', did you mean 'route'\?"):
+        load_routes(tmp_path / "own.xml")
+
+
+def test_a_parameter_that_its_scenario_type_does_not_read_is_refused(tmp_path: Path) -> None:
+    text = STREET_TEXT.replace(DISTANCE, '<flow_distance value="40"/>')
+    (tmp_path / "own.xml").write_text(text, encoding="utf-8")
+    with pytest.raises(RouteError, match=r"<flow_distance> is no element of Accident.*direction, distance, speed\)"):
+        load_routes(tmp_path / "own.xml")
+
+
+class _Noting(dict[str, Any]):
+    """Notes which names it was asked for."""
+
+    def __init__(self, given: Mapping[str, Any]) -> None:
+        super().__init__(given)
+        self.asked: set[str] = set()
+
+    def get(self, name: str, default: Any = None) -> Any:
+        self.asked.add(name)
+        return super().get(name, default)
+
+
+def test_the_elements_of_a_scenario_type_are_those_that_its_code_reads() -> None:
+    asked: dict[str, set[str]] = {}
+    for route in named_routes("one-per-scenario"):
+        spec = replace(route.scenario, parameters=_Noting(route.scenario.parameters))
+        World(replace(route, scenario=spec), seed=0, options=SimulatorOptions())
+        asked[spec.type] = spec.parameters.asked.intersection(READERS)  # type: ignore[attr-defined]
+    assert asked == {kind: {name for name, types in READERS.items() if kind in types} for kind in SCHEMA}
 
 
 def test_what_only_carla_reads_may_stand_in_its_towns(tmp_path: Path) -> None:
