@@ -9,9 +9,9 @@ from typing import cast
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import columns_of_screen
-from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS
 from pytest_drive_robust.options.option import GivenText
-from pytest_drive_robust.options.parsers import writable_file
+from pytest_drive_robust.options.parsers import one_of, writable_file
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
@@ -20,6 +20,7 @@ from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import comparison_as_json, json_text
 from pytest_drive_robust.store.whole_file import write_whole
 
+_known_rule = one_of(VERDICT_KINDS, "verdict rule")
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
 the embedded world, for agents that promise the same bits everywhere (blind, classical, constant, expert, random,
 reactive). What other agents compute depends on the processor and on versions: their records tell both, and the
@@ -53,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _compare(options: argparse.Namespace) -> int:
     terms = Terms(
         allowances=parse_allowances(options.fail_on, source="--fail-on"),
-        kind=VerdictRule(options.verdict).kind,
+        kind=_known_rule(GivenText("--verdict", options.verdict)),
         policy=cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch))),
     )
     path = writable_file(GivenText("--json", options.json))

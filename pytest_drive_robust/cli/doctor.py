@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.doctor import examine
+from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -13,7 +14,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--root", default=".", metavar="BENCH2DRIVE", help="a checkout of Bench2Drive; default: here")
     parser.add_argument("--carla-root", metavar="FOLDER", help="default: the variable CARLA_ROOT")
     parser.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
-    parser.add_argument("--port", type=int, default=2000, metavar="N", help="the first port to check; default: 2000")
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, metavar="N", help="the first port to check; default: 2000"
+    )
     parser.set_defaults(command=_doctor)
 
 

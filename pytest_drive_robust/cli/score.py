@@ -9,7 +9,7 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.results.carla_junctions import junction_shares
 from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_totals import score_results, undecided_routes
-from pytest_drive_robust.bench2drive.results.quirks import notes_on
+from pytest_drive_robust.bench2drive.results.quirks import foreign_records, notes_on
 from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.tables import say
@@ -40,9 +40,18 @@ def _score(options: argparse.Namespace) -> int:
     require_mode(options.metrics)
     if options.carla_root and not options.routes:
         raise UsageError("--carla-root needs --routes FILE.xml: the maps tell nothing without the routes on them.")
+    if options.metric_dir and not Path(options.metric_dir).is_dir():
+        raise UsageError(f"--metric-dir is {options.metric_dir!r}, expected a folder that metric_info.json are below.")
     results = read_results(Path(options.results))
     routes = load_routes(Path(options.routes)) if options.routes else ()
     scenarios = {route.id: route.scenario.type for route in routes} if options.routes else None
+    if scenarios is not None:
+        foreign = foreign_records(results.records, scenarios, mode=options.metrics)
+        if len(foreign) == len(results.records):
+            raise UsageError(
+                f"--routes {options.routes} has none of the routes of the results (first: {foreign[0].route!a}): "
+                "expected the route file that they were driven on."
+            )
     junctions = None
     if options.carla_root and scenarios is not None:
         wanted = undecided_routes(results.records, scenarios)

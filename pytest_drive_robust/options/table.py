@@ -85,7 +85,12 @@ _EXECUTION = (
         "inline (in this process, for debuggers), processes (workers of our own), ray; auto: processes, inline with "
         "--pdb, --trace or -s",
     ),
-    Option("--drive-workers", "N", "auto", "episodes at a time; auto: every core, 1 under -n"),
+    Option(
+        "--drive-workers",
+        "N",
+        "auto",
+        "episodes at a time; auto: every core, 1 under -n and with --drive-sim bench2drive",
+    ),
     Option(
         "--drive-lockstep",
         "N",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.option import asked_for
-from pytest_drive_robust.options.run import BENCH2DRIVE, RESULTS, RunOptions
+from pytest_drive_robust.options.run import BENCH2DRIVE, DEFAULT_STORE, RESULTS, RunOptions
 from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
@@ -30,6 +30,12 @@ if TYPE_CHECKING:  # few sessions judge results
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
 _RESULTS = pytest.StashKey["ResultsExecutor"]()
+_DRIVES_BY_ITSELF = (
+    f"--drive-sim {BENCH2DRIVE}: the official evaluator drives in processes and by rules of its own, and keeps its "
+    "records. Leave it out; --drive-episode-timeout, --drive-workers, --drive-store=FOLDER and --drive-fresh do have "
+    "an effect."
+)
+_READS_RESULTS = "--drive-results, which judges what was driven before. Leave it out."
 
 
 def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
@@ -40,12 +46,13 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
     not go together.
     """
     if execution.results:
-        if options.simulator == BENCH2DRIVE:
+        if options.simulator == BENCH2DRIVE and not asked_for("--drive-results", config):
             raise UsageError("--drive-results judges what was driven before: leave --drive-sim bench2drive out.")
+        _refuse_unheeded(config, _unheeded_by_results(config, options, execution), why=_READS_RESULTS)
         agent = config.getoption("drive_agent") or config.getini("drive_agent") or RESULTS
         results = _read_results(config, options, execution)
         seeds = options.seeds if options.seeds_given else results.repetitions
-        return replace(options, agent=agent, simulator=RESULTS, store="off", seeds=seeds)
+        return replace(options, agent=agent, simulator=RESULTS, seeds=seeds)
     if options.simulator != BENCH2DRIVE:
         return options
     if not execution.b2d_root:
@@ -57,8 +64,8 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
         raise UsageError(
             "--drive-sim bench2drive drives from one process: leave -n out; --drive-workers N gives N CARLA servers."
         )
-    _refuse_unheeded(config, options, execution)
-    return replace(options, store="off", stuck_stop_s=None)
+    _refuse_unheeded(config, _unheeded_by_evaluator(options, execution), why=_DRIVES_BY_ITSELF)
+    return replace(options, stuck_stop_s=None)
 
 
 def _read_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> ResultsExecutor:
@@ -72,25 +79,42 @@ def _read_results(config: pytest.Config, options: RunOptions, execution: Executi
     return results
 
 
-def _refuse_unheeded(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> None:
-    """Raise `UsageError` for what the command line asks for and the official evaluator does not do.
-
-    The ini file may ask for it: it is of other runs, too.
-    """
-    unheeded = {
+def _unheeded_by_evaluator(options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
+    """Return for each flag that the official evaluator does not know whether it asks for something."""
+    return {
         "--drive-act-timeout": execution.act_timeout_s is not None,
         "--drive-memory": execution.memory_bytes is not None,
         "--drive-stuck-stop": options.stuck_stop_s is not None,
         "--drive-lockstep": execution.lockstep is not None,
         "--drive-executor": execution.executor in ("inline", "ray"),
+        "--drive-store": options.store == "off",  # its records are kept
+        "--drive-probe": options.probe,
     }
+
+
+def _unheeded_by_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
+    """Return for each flag of driving whether it asks for something: results are driven already."""
+    return {
+        **_unheeded_by_evaluator(options, execution),
+        "--drive-sim": True,
+        "--drive-store": options.store != "off",
+        "--drive-fresh": options.fresh,
+        "--drive-workers": execution.workers is not None,
+        "--drive-episode-timeout": execution.episode_timeout_s is not None,
+        "--drive-executor": config.getoption("drive_executor") != "auto",
+    }
+
+
+def _refuse_unheeded(config: pytest.Config, unheeded: Mapping[str, bool], *, why: str) -> None:
+    """Raise `UsageError` for a flag of `unheeded` that the command line asks for.
+
+    The ini file may ask for it: it is of other runs, too.
+    """
     for flag, is_unheeded in unheeded.items():
         if is_unheeded and asked_for(flag, config):
-            raise UsageError(
-                f"{flag} {config.getoption(OPTIONS[flag].name)} has no effect with --drive-sim {BENCH2DRIVE}: the "
-                "official evaluator drives in processes and by rules of its own. Leave it out; --drive-episode-timeout "
-                "and --drive-workers do have an effect."
-            )
+            option = OPTIONS[flag]
+            given = flag if option.is_switch else f"{flag} {config.getoption(option.name)}"
+            raise UsageError(f"{given} has no effect with {why}")
 
 
 def backend_for(
@@ -114,7 +138,9 @@ def backend_for(
         if options.simulator == RESULTS:
             results = config.stash[_RESULTS]
             return ResultsScopes(options, registry, resolve_routes, results), results
-        check_platform(f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results=FOLDER.")
+        check_platform(
+            f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results SETTING=FOLDER."
+        )
         from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
         from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
         from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
@@ -127,7 +153,7 @@ def backend_for(
         checkout.require_python("--drive-b2d-python")
         evaluator = Bench2DriveExecutor(
             checkout,
-            folder=config.rootpath / ".drive-robust" / BENCH2DRIVE,
+            folder=config.rootpath / (DEFAULT_STORE if options.store == "off" else options.store) / BENCH2DRIVE,
             routes=_route_file(options),
             slots=execution.workers or 1,
             fresh=options.fresh,

@@ -19,8 +19,8 @@ def open_store(options: RunOptions, root: Path, *, run: str, own: Path | None = 
     """Open the store that the run was given, relative to the root folder.
 
     `own` is a folder that only the processes of this run share: it takes what cannot be written to the store, and
-    everything when there shall be none (`--drive-store off`).
+    everything when there shall be none (`--drive-store off`) or somebody else keeps what was driven.
     """
-    if options.store == "off":
+    if options.store == "off" or options.is_external:
         return MemoryStore() if own is None else FolderStore(own, run=run)
     return FolderStore(root / options.store, run=run, fresh=options.fresh, spill=own)

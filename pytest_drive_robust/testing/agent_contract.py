@@ -146,7 +146,7 @@ class _Trial:
         """Drive and record an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
         self.record, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
-            return Check("controls", False, f"{_told(result)}.")
+            return _broken("controls", "", result)
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
 
     def time(self) -> Check:
@@ -162,7 +162,7 @@ class _Trial:
         """Check that two new agents with the same seed drive the same."""
         again, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
-            return Check("determinism", False, f"a second agent with seed {self.seed} breaks: {_told(result)}.")
+            return _broken("determinism", f"a second agent with seed {self.seed} breaks: ", result)
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
             advice = (
@@ -176,11 +176,11 @@ class _Trial:
         agent = self.make()
         _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
         if result.outcome in _BROKEN:
-            return Check("reset", False, f"an episode on {self.other.label} breaks: {_told(result)}.")
+            return _broken("reset", f"an episode on {self.other.label} breaks: ", result)
         for before in (f"an episode on {self.other.label}", "the same episode"):
             again, result = self.drive(agent, self.seed)
             if result.outcome in _BROKEN:
-                return Check("reset", False, f"after {before} the next one breaks: {_told(result)}.")
+                return _broken("reset", f"after {before} the next one breaks: ", result)
             tick = first_difference(self.record.controls, again.controls)
             if tick is not None:
                 told = f"after {before} the agent still remembers it: from act {tick} on it differs from a new agent"
@@ -280,9 +280,10 @@ class _Trial:
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
 
 
-def _told(result: EpisodeResult) -> str:
-    """Return where and why an episode broke."""
-    return f"tick {result.ticks}: {result.end_detail}"
+def _broken(name: str, when: str, result: EpisodeResult) -> Check:
+    """Return the failed check of an episode that broke, with where and why."""
+    told = f"{when}tick {result.ticks}: {result.end_detail}."
+    return Check(name, False, told, of_simulator=result.outcome is Outcome.INFRA_ERROR)
 
 
 def _distance(one: Control, other: Control) -> float:

@@ -10,11 +10,15 @@ from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One promise. `sentence` says what was seen, and when it failed, what to do."""
+    """One promise. `sentence` says what was seen, and when it failed, what to do.
+
+    `of_simulator`: it failed as the simulator broke, whose fault is not the subject's.
+    """
 
     name: str
     ok: bool
     sentence: str
+    of_simulator: bool = False
 
     def line(self, width: int) -> str:
         """Return a line of the report, with `width` columns for the name."""
@@ -43,6 +47,9 @@ class ContractReport:
     @property
     def verdict(self) -> str:
         """The first line: whether the subject keeps the contract."""
+        failed = [check for check in self.checks if not check.ok]
+        if failed and all(check.of_simulator for check in failed):
+            return f"the simulator breaks: whether {self.subject} keeps the contract is not known"
         return f"{self.subject} {'keeps' if self.ok else 'breaks'} the contract"
 
 

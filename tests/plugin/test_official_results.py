@@ -83,6 +83,39 @@ def test_paths_of_the_ini_file_start_from_the_root_folder(results, pytester, plu
     result.assert_outcomes(passed=2, failed=1)
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("--drive-sim=typo", "--drive-sim typo"),
+        ("--drive-sim=bench2drive", "--drive-sim bench2drive"),
+        ("--drive-sim=gymnasium:merge-v0", "--drive-sim gymnasium:merge-v0"),
+        ("--drive-fresh", "--drive-fresh"),
+        ("--drive-stuck-stop=30", "--drive-stuck-stop 30"),
+        ("--drive-store=x", "--drive-store x"),
+        ("--drive-workers=7", "--drive-workers 7"),
+        ("--drive-lockstep=8", "--drive-lockstep 8"),
+        ("--drive-episode-timeout=5s", "--drive-episode-timeout 5s"),
+        ("--drive-act-timeout=5s", "--drive-act-timeout 5s"),
+        ("--drive-memory=4", "--drive-memory 4"),
+        ("--drive-executor=ray", "--drive-executor ray"),
+        ("--drive-executor=processes", "--drive-executor processes"),
+        ("--drive-probe", "--drive-probe"),
+    ],
+)
+def test_what_is_asked_for_and_only_driving_heeds_is_refused(results, given, told):
+    result = results(BOTH, given)
+    assert result.ret == 4
+    result.stderr.fnmatch_lines([f"*{told} has no effect with --drive-results, which judges what was driven before*"])
+
+
+def test_what_the_ini_file_says_of_other_runs_and_what_asks_for_nothing_is_let_be(results, pytester):
+    other = "drive_sim = bench2drive\ndrive_stuck_stop = 30\ndrive_store = x\ndrive_workers = 7\ndrive_lockstep = 8\n"
+    pytester.makeini(f"[pytest]\ndrive_verdict = point\n{other}drive_act_timeout = 5s\ndrive_executor = ray\n")
+    nothing = ("--drive-store=off", "--drive-workers=auto", "--drive-lockstep=none", "--drive-executor=auto")
+    results(BOTH, *nothing, "--drive-episode-timeout=none", "-s").assert_outcomes(passed=2, failed=1)
+    assert not (pytester.path / "x").exists()
+
+
 @pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["alone", "xdist"])
 def test_requirements_are_judged_without_a_simulator(results, pytester, workers):
     result = results(BOTH, "--drive-json", "run.json", *workers)
@@ -130,7 +163,7 @@ def test_what_the_results_lack_is_named_at_once(results):
 def test_a_folder_that_is_not_there_is_named_at_once(results):
     result = results("clean=cleen.json,200 ms latency=late.json")
     assert result.ret == 4
-    assert "cleen.json" in result.stderr.str()
+    assert "--drive-results, 'clean': 'cleen.json' cannot be read" in result.stderr.str()
 
 
 @pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["alone", "xdist"])

@@ -58,7 +58,7 @@ def test_the_official_evaluator_says_where_it_drives(run):
     refused = run("pytest", *OPTIONS, "--drive-sim=bench2drive", "--drive-b2d-root=.")
     assert refused.returncode == 4
     assert "--drive-sim bench2drive needs worker processes" in refused.stderr + refused.stdout
-    assert "--drive-results=FOLDER" in refused.stderr + refused.stdout
+    assert "--drive-results SETTING=FOLDER" in refused.stderr + refused.stdout
 
 
 def test_results_of_the_official_evaluator_are_read(run, tmp_path):

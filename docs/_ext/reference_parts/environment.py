@@ -19,7 +19,15 @@ _VARIABLES: Mapping[str, str] = {
     "RAY_ADDRESS": "the cluster of ``--drive-executor ray`` where ``--drive-ray-address`` says nothing",
     "IS_BENCH2DRIVE": "Bench2Drive's switch: an official agent is then given a name to save under, as officially",
     "CARLA_ROOT": "the folder of CARLA, for the official evaluator",
-    "CUDA_VISIBLE_DEVICES": "the devices that Ray gives an episode: a worker with others is not used for it",
+    "CUDA_VISIBLE_DEVICES": "the GPUs that official evaluators use in turn, by number as in ``0,1``; "
+    "under Ray the devices that an episode was given: a worker with others is not used for it",
+    "PLANNER_TYPE": "which output of an official agent drives, TCP for one: ``only_traj``, ``only_ctrl`` or "
+    "``merge_ctrl_traj``; results of another value are kept apart, and an agent that reads it is refused without it",
+    "PDR_SETTING": "JSON of the setting that ``inject.py`` puts into the official evaluator; our runs set it "
+    "themselves, and where ``inject.py`` is started by hand without it, the variables of the paper decide",
+    "PDR_LOG": "the file to which ``inject.py``, started by hand, writes what was injected, a line of JSON for a route",
+    "PDR_ROUTE": "the name of the route in ``inject.py`` where no ``ScenarioManager`` of the evaluator tells it",
+    "ROBUSTNESS_SEED": "the seed of the failures in ``inject.py`` where ``PDR_SETTING`` is not set",
 }
 """What this package reads beside the variables of the paper."""
 

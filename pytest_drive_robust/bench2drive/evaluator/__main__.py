@@ -12,11 +12,13 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.executor import AGENT_PREFIX, Bench2DriveExecutor
+from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
@@ -34,6 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(options)
     except DriveRobustError as error:
         print(f"bench2drive: {error}", file=sys.stderr)
+        return _USAGE_ERROR
+    except OSError as error:  # of a file that was named; 1 says that routes lack a score
+        print(f"bench2drive: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
         return _USAGE_ERROR
 
 
@@ -55,10 +60,17 @@ def _parser() -> argparse.ArgumentParser:
         help="repeatable; slots use them in turn; default: those of CUDA_VISIBLE_DEVICES, else 0",
     )  # fmt: skip
     run.add_argument("--slots", type=int, default=1, metavar="N", help="evaluators at a time; default: 1")
-    run.add_argument("--port", type=int, default=2000, metavar="N", help="of the first server; default: 2000")
+    run.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="N", help="of the first server; default: 2000")
     run.add_argument("--tries", type=int, default=3, metavar="N", help="after harness errors; default: 3")
-    run.add_argument("--route-s", type=float, default=Patience().route_s, metavar="S", help="longest route, wall time")
-    run.add_argument("--silence-s", type=float, default=Patience().silence_s, metavar="S", help="longest silence")
+    usual = Patience()
+    run.add_argument(
+        "--route-s", type=float, default=usual.route_s, metavar="S",
+        help=f"longest wall time of a route; default: {usual.route_s:g}",
+    )  # fmt: skip
+    run.add_argument(
+        "--silence-s", type=float, default=usual.silence_s, metavar="S",
+        help=f"longest time without a word; default: {usual.silence_s:g}",
+    )  # fmt: skip
     return parser
 
 
@@ -67,9 +79,7 @@ def _run(options: argparse.Namespace) -> int:
     checkout.require_python("--python")
     setting = Setting.from_env(os.environ) if options.setting == "env" else Setting.parse(options.setting)
     file, chosen = _file_and_ids(options.routes or str(checkout.routes))
-    for name, value in (("--slots", options.slots), ("--tries", options.tries)):
-        if value < 1:
-            raise UsageError(f"{name} is {value}, expected 1 or more.")
+    _check_numbers(options)
     executor = Bench2DriveExecutor(
         checkout, folder=options.out, routes=file, slots=options.slots, gpus=tuple(options.gpu or ()),
         port=options.port, tries=options.tries,
@@ -101,6 +111,20 @@ def _run(options: argparse.Namespace) -> int:
     if unscored:
         print(f"no score, because the harness failed: {', '.join(unscored)}")
     return 1 if unscored else 0
+
+
+def _check_numbers(options: argparse.Namespace) -> None:
+    """Raise `UsageError` for numbers that nothing can be driven with."""
+    check_seeds([options.seed], source="--seed")
+    for name, value in (("--slots", options.slots), ("--tries", options.tries)):
+        if value < 1:
+            raise UsageError(f"{name} is {value}, expected 1 or more.")
+    for gpu in options.gpu or ():
+        if gpu < 0:
+            raise UsageError(f"--gpu is {gpu}, expected 0 or more.")
+    for name, value in (("--route-s", options.route_s), ("--silence-s", options.silence_s)):
+        if not value > 0.0:  # nan too
+            raise UsageError(f"{name} is {value:g}, expected seconds > 0; inf for no limit.")
 
 
 def _line(result: EpisodeResult) -> str:

@@ -44,7 +44,10 @@ class Checkout:
             )
         given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
         if given is None:
-            raise UsageError("Where is CARLA? Set CARLA_ROOT or give --carla-root: the folder that holds CarlaUE4.sh.")
+            raise UsageError(
+                "Where is CARLA? Set CARLA_ROOT to the folder that holds CarlaUE4.sh; without pytest, --carla-root "
+                "gives it, too."
+            )
         if not (given / _SERVER).is_file():
             raise UsageError(f"{str(given)!r} is no CARLA: there is no {_SERVER}. Bench2Drive needs CARLA 0.9.15.")
         return cls(root.resolve(), given.resolve(), _absolute(python) if python else sys.executable)

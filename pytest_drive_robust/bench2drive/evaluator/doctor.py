@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import NO_GETCHILDREN, Checkout
+from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
+from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, TRAFFIC_OFFSET, check_ports
 from pytest_drive_robust.errors import UsageError
 
 _CARLA = "0.9.15"
@@ -60,9 +62,10 @@ class DoctorCheck:
 
 
 def examine(
-    root: Path, *, carla_root: Path | None = None, python: str = "", port: int = 2000
+    root: Path, *, carla_root: Path | None = None, python: str = "", port: int = DEFAULT_PORT
 ) -> tuple[DoctorCheck, ...]:
-    """Return everything, in the order in which one would put it right."""
+    """Return everything, in the order in which one would put it right. Raises `UsageError` for a port beyond all."""
+    check_ports(port)
     given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
     checks = [*_checkout(root), *_server(given)]
     try:
@@ -72,7 +75,7 @@ def examine(
         checks.append(interpreter)
     else:
         checks += _python(checkout)
-    return (*checks, *_ports(port), _gpu())
+    return (*checks, *_ports(port), _gpu_numbers(), _gpu())
 
 
 def checkout_version(root: Path) -> str:
@@ -176,12 +179,13 @@ def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
 
 
 def _ports(port: int) -> Iterator[DoctorCheck]:
-    """Check the ports: CARLA takes three in a row, the traffic manager one."""
-    wanted = (port, port + 1, port + 2, port + 6000)
+    """Look at the first ports: CARLA takes three in a row, the traffic manager one. Taken ones stop nothing."""
+    wanted = (port, port + 1, port + 2, port + TRAFFIC_OFFSET)
     held = [number for number in wanted if not _is_free(number)]
     yield DoctorCheck(
-        "ports", not held, f"{', '.join(map(str, held))} taken" if held else f"{', '.join(map(str, wanted))} free",
-        "Another server runs there: `pgrep -af carla-rpc-port` names it. End it, or give another --port.",
+        "ports", None if held else True,
+        f"{', '.join(map(str, held))} taken" if held else f"{', '.join(map(str, wanted))} free",
+        "The next free ones are used. `pgrep -af carla-rpc-port` names a server that was left running.",
     )  # fmt: skip
 
 
@@ -192,6 +196,15 @@ def _is_free(port: int) -> bool:
         except OSError:
             return False
     return True
+
+
+def _gpu_numbers() -> DoctorCheck:
+    """Check which GPUs evaluators are given: names of GPUs stop a drive."""
+    try:
+        gpus = visible_gpus(os.environ)
+    except UsageError as error:
+        return DoctorCheck("gpu numbers", False, str(error), "As in: export CUDA_VISIBLE_DEVICES=0")
+    return DoctorCheck("gpu numbers", True, ", ".join(map(str, gpus)))
 
 
 def _gpu() -> DoctorCheck:

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import shutil
-import socket
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,9 +14,11 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.asked_variables import PLANNER_TYPE, asked_variables
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import read_results
+from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import BUILTIN, Setting
@@ -27,7 +28,6 @@ _REFUSED = 78
 _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
 """Out of the message of every call of CARLA's client that has no server any more."""
-_PORTS = 150
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class EvaluatorSetup:
     seed: int
     routes: Path
     gpu: int = 0
-    port: int = 2000
+    port: int = DEFAULT_PORT
     tries: int = 3
     patience: Patience = field(default_factory=Patience)
 
@@ -212,8 +212,8 @@ def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[s
         f"--agent-config={setup.config}",
         "--debug=0",
         "--record=",
-        f"--port={_free_port(setup.port + slot * _PORTS)}",
-        f"--traffic-manager-port={_free_port(setup.port + 6000 + slot * _PORTS)}",
+        f"--port={free_ports(setup.port + slot * PORTS_PER_SLOT)}",
+        f"--traffic-manager-port={free_ports(setup.port + TRAFFIC_OFFSET + slot * PORTS_PER_SLOT)}",
         f"--traffic-manager-seed={setup.seed}",
         f"--gpu-rank={setup.gpu}",
     ]
@@ -250,19 +250,6 @@ def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
     return json.dumps(document, allow_nan=False)
 
 
-def _free_port(first: int) -> int:
-    """Return the first of three free ports in a row, which CARLA takes; the evaluator itself looks at one."""
-    for port in range(first, first + _PORTS - 3, 3):
-        with socket.socket() as one, socket.socket() as two, socket.socket() as three:
-            try:
-                for number, server in enumerate((one, two, three)):
-                    server.bind(("localhost", port + number))
-            except OSError:
-                continue
-            return port
-    raise UsageError(f"no three free ports in a row from {first} on. `drive-robust doctor` says who holds them.")
-
-
 def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
     """Return the record if it is about the agent, else why there is none."""
     told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
@@ -271,7 +258,7 @@ def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | N
     try:
         records = [record for record in read_results(path).records if record.route == route]
     except UsageError as error:
-        return None, f"{told}: {error}"
+        return None, f"{told}: {str(error).replace(shown(path), 'its result')}"  # which is removed
     if len(records) != 1:
         return None, f"{told} with {len(records)} records of the route, expected one"
     (record,) = records

@@ -17,6 +17,7 @@ from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
+from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, check_ports
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection
@@ -67,10 +68,12 @@ class Bench2DriveExecutor(Executor):
         routes: Path | None = None,
         slots: int = 1,
         gpus: tuple[int, ...] = (),
+        port: int = DEFAULT_PORT,
         fresh: bool = False,
         hidden: bool = False,
         **options: object,
     ) -> None:
+        check_ports(port, slots=slots)
         self._slots = slots
         self._checkout = checkout
         self._folder = folder.resolve()
@@ -79,7 +82,7 @@ class Bench2DriveExecutor(Executor):
         self._fresh = fresh
         self._hidden = hidden
         self._driven: set[tuple[Path, str]] = set()
-        self._options = options  # port, tries, patience of an EvaluatorSetup
+        self._options = {"port": port, **options}  # tries, patience of an EvaluatorSetup
         self._stop = threading.Event()
         self._free: SimpleQueue[int] = SimpleQueue()
         for slot in range(slots):

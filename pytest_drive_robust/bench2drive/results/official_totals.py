@@ -186,8 +186,7 @@ def _ability_rates(
     """
     by_route: dict[str, list[OfficialRecord]] = {}
     for record in records:
-        # The official tool cuts at every underscore.
-        found = by_route.setdefault(record.route.partition("_")[0] if official else record.route, [])
+        found = by_route.setdefault(ability_route(record, official=official), [])
         if not (official and found):
             found.append(record)
     kept = {route: found for route, found in by_route.items() if scenarios is None or route in scenarios}
@@ -198,6 +197,11 @@ def _ability_rates(
         )
         for ability, members in ABILITIES.items()
     }
+
+
+def ability_route(record: OfficialRecord, *, official: bool) -> str:
+    """Return the route that a record counts for in abilities: the official tool cuts at every underscore."""
+    return record.route.partition("_")[0] if official else record.route
 
 
 def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, str]) -> frozenset[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.bench2drive.results.episode_from_record import lane_shares_pct
@@ -11,11 +11,17 @@ from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import (
     LARGEST_PCT,
     SPEED_LIST,
+    OfficialRecord,
     official_speed_pct,
     ratios_pct,
     speed_pct,
 )
-from pytest_drive_robust.bench2drive.results.official_totals import OFFICIAL_ROUTES, OfficialTotals, official_efficiency
+from pytest_drive_robust.bench2drive.results.official_totals import (
+    OFFICIAL_ROUTES,
+    OfficialTotals,
+    ability_route,
+    official_efficiency,
+)
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
@@ -37,7 +43,7 @@ def notes_on(
 ) -> tuple[str, ...]:
     """Return sentences, each beginning with the name of the number that it is about."""
     official = score.mode == "bench2drive"
-    parts = [_files(results), _rules(results)]
+    parts = [_files(results), _rules(results), _foreign(score, results, scenarios)]
     if official:
         parts += [_totals(score, results), _efficiency(score, results)]
         parts += [_comfort_quirks(score, results, comforts), _abilities(score, scenarios)]
@@ -59,6 +65,25 @@ def _rules(results: ResultSet) -> Iterator[str]:
             f"DS: the scores of {len(odd)} records do not follow from their infractions (first: {odd[0].where}); "
             "they come from a leaderboard with other rules, or were edited"
         )
+
+
+def _foreign(score: OfficialTotals, results: ResultSet, scenarios: Mapping[str, str] | None) -> Iterator[str]:
+    if scenarios is None:
+        return
+    foreign = foreign_records(results.records, scenarios, mode=score.mode)
+    if foreign:
+        yield (
+            f"DS, SR, abilities: {len(foreign)} records are of routes that the route file does not have "
+            f"(first: {foreign[0].route!a}); they count in DS and SR, not in abilities"
+        )
+
+
+def foreign_records(
+    records: Sequence[OfficialRecord], scenarios: Mapping[str, str], *, mode: str
+) -> list[OfficialRecord]:
+    """Return the records of routes that a route file, with these `scenarios`, does not have."""
+    official = mode == "bench2drive"
+    return [record for record in records if ability_route(record, official=official) not in scenarios]
 
 
 def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:

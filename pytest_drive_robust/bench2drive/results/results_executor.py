@@ -15,9 +15,10 @@ from pytest_drive_robust.bench2drive.results.results_file import ResultSet, Unfi
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
-from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.readings import DriveReading
+from pytest_drive_robust.perturbations.sentences import CLEAN
 from pytest_drive_robust.runner.executors import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
@@ -67,12 +68,14 @@ def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None =
     """Read as `Setting.parse` does; `latency 200 ms` is understood as `200 ms latency` too."""
     try:
         return Setting.parse(sentence, known)
-    except RequirementError:
+    except RequirementError as error:
         first, _, rest = sentence.partition(" ")
         try:
             return Setting.parse(f"{rest} {first}", known)
         except DriveRobustError:
             pass  # the first error names what was typed
+        if nearest(sentence, [CLEAN]):
+            raise RequirementError(f"there is no setting {sentence!r}. Did you mean {CLEAN!r}?") from error
         raise
 
 
@@ -92,7 +95,10 @@ class ResultsSource:
     @classmethod
     def read(cls, setting: str, path: Path) -> ResultsSource:
         """Read a file or folder of results. Raises `UsageError`."""
-        results: ResultSet = read_results(path)
+        try:
+            results: ResultSet = read_results(path)
+        except UsageError as error:
+            raise UsageError(f"--drive-results, {setting!r}: {error}") from None
         found: dict[tuple[str, int], list[OfficialRecord]] = {}
         for record in results.records:
             found.setdefault((record.route, record.repetition), []).append(record)

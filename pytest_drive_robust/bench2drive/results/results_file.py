@@ -21,11 +21,14 @@ class UnfinishedFile:
     path: Path
     held: int
     planned: int | None
+    doubled: int = 0
+    """How many of its records are of episodes that it has already."""
 
     def __str__(self) -> str:
         if self.planned is None:
             return f"{shown(self.path)} is empty: its evaluator ended before the first route"
-        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes"
+        doubled = f", and {self.doubled} more records of the same ones" if self.doubled else ""
+        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes{doubled}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +79,7 @@ def read_results(path: Path) -> ResultSet:
         of_file = [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
         held, total = len({record.route_id for record in of_file}), _planned(document)
         if total is not None and held < total:
-            unfinished.append(UnfinishedFile(file, held, total))
+            unfinished.append(UnfinishedFile(file, held, total, doubled=len(of_file) - held))
         records += of_file
         planned.append(total)
     if not records:

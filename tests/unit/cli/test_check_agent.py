@@ -28,6 +28,24 @@ def test_an_agent_that_breaks_the_contract_exits_with_1(capsys: pytest.CaptureFi
     assert "act returned None" in shown
 
 
+BROKEN = """
+from pytest_drive_robust.testing import FakeSimulator
+
+def broken(options):
+    return FakeSimulator(options, raises=OSError("the server is gone"), raises_in="observe", raises_at=3)
+"""
+
+
+def test_a_world_that_breaks_is_not_the_agents_fault(agents_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (agents_folder / "broken_world.py").write_text(BROKEN)
+    assert main(["check-agent", "cli_agents:Good", "--sim", "broken_world:broken"]) == 1
+    shown = capsys.readouterr().out
+    assert "the server is gone" in shown
+    assert "the simulator breaks: whether cli_agents:Good on " in shown
+    assert "keeps the contract is not known" in shown
+    assert "breaks the contract" not in shown
+
+
 def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     ids = [route.id for route in resolve_routes("full")[:2]]
     assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", ",".join(ids)]) == 0

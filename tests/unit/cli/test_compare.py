@@ -49,6 +49,14 @@ def test_what_was_found_is_written_for_machines(tmp_path: Path) -> None:
     assert {cell["setting"]: cell["verdict"] for cell in found["cells"]} == {"clean": "pass", "200 ms latency": "fail"}
 
 
+def test_a_rule_that_there_is_not_names_the_option_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    assert main(["compare", "a", "a", "--verdict", "pt"]) == 4
+    told = capsys.readouterr().err
+    assert "there is no verdict rule named 'pt'." in told
+    assert "Set it with --verdict." in told
+
+
 @pytest.mark.parametrize(
     ("limit", "code"), [("ds:-60%", 0), ("ds:-40", 0), ("ds:-10", 1), ("sr:-0.1", 1), ("rd:+0.05", 1), ("rd:+0.6", 0)]
 )

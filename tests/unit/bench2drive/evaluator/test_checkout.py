@@ -26,6 +26,12 @@ def interpreter(folder: Path, version: str) -> Path:
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="CARLA's evaluator is started on Linux")
 
 
+def test_without_a_carla_the_advice_can_be_followed_in_pytest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("CARLA_ROOT", raising=False)
+    with pytest.raises(UsageError, match=r"Set CARLA_ROOT to the folder.*; without pytest, --carla-root gives it"):
+        Checkout.find(make(tmp_path)[0])
+
+
 @pytest.mark.parametrize(
     ("version", "eggs"), [("3 7", EGGS[1:]), ("3 8", EGGS[1:]), ("3 10", ()), ("2 7", ()), ("no version", ())]
 )

@@ -102,3 +102,30 @@ def test_a_wrong_server_a_taken_port_and_a_dead_python_are_found(tmp_path: Path)
     assert not checks["python"].ok
     (carla / "CarlaUE4.sh").chmod(0o644)
     assert "chmod +x" in named(examine(root, carla_root=carla, port=port))["server"].advice
+
+
+def test_a_taken_port_stops_nothing(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    port = free_ports()
+    with socket.socket() as server:
+        server.bind(("localhost", port))
+        check = named(examine(tmp_path, port=port))["ports"]
+        main(["doctor", "--root", str(tmp_path), "--port", str(port)])
+    assert check.ok is None
+    assert "The next free ones are used" in check.advice
+    assert f"note     ports          {port} taken" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("port", ["61000", "99999", "-5"])
+def test_a_port_that_there_is_not_is_misuse(tmp_path: Path, capsys: pytest.CaptureFixture[str], port: str) -> None:
+    assert main(["doctor", "--root", str(tmp_path), "--port", port]) == 4
+    assert f"the first port is {port}: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("variable", "ok", "told"), [("GPU-8f1c", False, "is 'GPU-8f1c'"), ("2,5", True, "2, 5")])
+def test_gpus_that_carla_cannot_be_told_are_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, variable: str, ok: bool, told: str
+) -> None:
+    monkeypatch.setenv("CUDA_VISIBLE_DEVICES", variable)
+    check = named(examine(tmp_path, port=free_ports()))["gpu numbers"]
+    assert check.ok is ok
+    assert told in check.found

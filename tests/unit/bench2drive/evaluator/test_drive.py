@@ -14,6 +14,7 @@ import pytest
 from fake_bench2drive import ROUTES
 from patience import PATIENCE_S
 
+from pytest_drive_robust.bench2drive.evaluator.__main__ import main
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES
 from pytest_drive_robust.bench2drive.results.results_file import read_results
 from pytest_drive_robust.domain.episode import Episode
@@ -281,9 +282,19 @@ def test_a_finished_episode_is_not_driven_again(
         (["--setting", "fog 3"], "fog 3"),
         (["--routes", "nowhere.xml"], "nowhere.xml"),
         (["--slots", "0"], "--slots is 0"),
+        (["--seed", "-1"], "--seed holds -1, expected whole numbers >= 0"),
+        (["--gpu", "-2"], "--gpu is -2, expected 0 or more"),
+        (["--route-s", "nan"], "--route-s is nan, expected seconds > 0"),
+        (["--route-s", "-5"], "--route-s is -5, expected seconds > 0"),
+        (["--silence-s", "0"], "--silence-s is 0, expected seconds > 0"),
+        (["--port", "61000"], "the first port is 61000: with the traffic managers', ports up to 67149"),
+        (["--port", "99999"], "the first port is 99999"),
+        (["--port", "-5"], "the first port is -5"),
+        (["--slots", "400"], "ports up to 89399 may be taken (slots: 400), expected 1 to 65535"),
         (["--root", "/nowhere"], "no Bench2Drive checkout"),
         (["--carla-root", "/nowhere"], "no CarlaUE4.sh"),
         (["--agent", "nothing.py"], "no agent file"),
+        (["--out", "/proc/x"], "/proc/x: No such file or directory."),
     ],
 )
 def test_misuse_is_said_and_nothing_is_started(
@@ -293,3 +304,27 @@ def test_misuse_is_said_and_nothing_is_started(
     assert code == 4
     assert text in told
     assert not (tmp_path / "out").exists()
+
+
+def test_help_states_how_long_is_waited(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["run", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert "longest wall time of a route; default: 21600" in told
+    assert "longest time without a word; default: 1200" in told
+
+
+def test_a_result_that_cannot_be_read_is_told_without_its_place_which_is_removed(
+    official_executor: Callable[..., Any], tmp_path: Path
+) -> None:
+    made, task = official_executor(tries=1)
+    detail = made.submit(task("half")).result(PATIENCE_S).end_detail
+    assert "its result is not valid JSON" in detail
+    assert "result.json" not in detail
+    (log,) = tmp_path.glob("runs/*/logs/*.log")
+    assert f"(see {log})" in detail
+
+
+def test_more_slots_than_there_are_ports_are_refused(official_executor: Callable[..., Any]) -> None:
+    with pytest.raises(UsageError, match=r"ports up to 67999 may be taken \(slots: 400\)"):
+        official_executor(slots=400, port=2000)

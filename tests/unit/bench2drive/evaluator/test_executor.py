@@ -81,6 +81,8 @@ def test_the_time_of_an_episode_is_limited(tmp_path: Path, process_mark: str, mo
         (("--drive-lockstep=8",), "--drive-lockstep 8 has no effect"),
         (("--drive-executor=inline",), "--drive-executor inline has no effect"),
         (("--drive-executor=ray",), "--drive-executor ray has no effect"),
+        (("--drive-probe",), "--drive-probe has no effect"),
+        (("--drive-store=off",), "--drive-store off has no effect"),
     ],
     ids=lambda value: value[0] if isinstance(value, tuple) else "",
 )
@@ -89,6 +91,36 @@ def test_what_the_evaluator_does_not_heed_is_refused(tmp_path: Path, given: tupl
     ended = run(tmp_path, "--drive-sim=bench2drive", "--drive-b2d-root=b2d", *given)
     assert ended.returncode == 4
     assert message in " ".join((ended.stdout + ended.stderr).split())
+
+
+@pytest.mark.parametrize(
+    ("given", "ini", "folder"),
+    [
+        (("--drive-store=../bigdisk",), "drive_store = elsewhere", "bigdisk"),
+        ((), "drive_store = kept/here", "suite/kept/here"),
+        ((), "drive_store = off", "suite/.drive-robust"),
+    ],
+    ids=["asked-for", "ini", "ini-off"],
+)
+def test_what_evaluators_write_goes_below_the_store(
+    tmp_path: Path,
+    process_mark: str,
+    monkeypatch: pytest.MonkeyPatch,
+    given: tuple[str, ...],
+    ini: str,
+    folder: str,
+) -> None:
+    root, carla, agent = make(tmp_path)
+    monkeypatch.setenv("CARLA_ROOT", str(carla))
+    suite = tmp_path / "suite"
+    suite.mkdir()
+    (suite / "test_suite.py").write_text(SUITE)
+    (suite / "pytest.ini").write_text(f"[pytest]\ndrive_verdict = point\n{ini}\n")
+    chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+ok")
+    ended = run(suite, *chosen, "--drive-routes=101", "-k", "DS", *given)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert len(list(tmp_path.rglob("results/101.json"))) == 1
+    assert len(list((tmp_path / folder / "bench2drive").glob("*/results/101.json"))) == 1
 
 
 def test_the_evaluator_runs_in_the_python_that_was_named(

@@ -94,10 +94,24 @@ def test_a_route_file_names_the_missing_routes_and_the_types(
     routes.write_text(f"<routes>{one.format(1, 'InvadingTurn')}{one.format(7, 'HighwayExit')}</routes>")
     path = write(tmp_path / "r.json", document(record("1", scenario="")))
     told = scored(path, capsys, "--routes", str(routes))
+    assert "does not have" not in noted(told, "DS")
     assert told["missing"] == ["7"]
     assert told["abilities"]["Give_Way"]["value"] == 1.0
     assert told["abilities"]["Merging"]["value"] is None
     assert "DS and SR count them as 0" in noted(told, "abilities")
+    write(path, document(record("1"), record("2"), record("3")))
+    foreign = "2 records are of routes that the route file does not have (first: '2'); they count in DS and SR, not in"
+    for mode in ("bench2drive", "fixed"):
+        assert foreign in noted(scored(path, capsys, "--routes", str(routes), "--metrics", mode), "DS")
+    write(path, document(record("2"), record("3")))
+    assert main(["score", str(path), "--routes", str(routes)]) == 4
+    assert "has none of the routes of the results (first: '2')" in capsys.readouterr().err
+
+
+def test_a_folder_of_logs_that_is_not_there_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = write(tmp_path / "r.json", document(record("1")))
+    assert main(["score", str(path), "--metric-dir", str(tmp_path / "nodir")]) == 4
+    assert "--metric-dir is " in capsys.readouterr().err
 
 
 def test_each_quirk_of_efficiency_is_named_only_where_it_changed_the_number(
@@ -240,3 +254,4 @@ def test_a_file_that_holds_fewer_than_planned_is_unfinished_whatever_lies_beside
     results = read_results(tmp_path)
     (file,) = results.unfinished
     assert (file.path.name, file.held, file.planned) == ("eval_1.json", 1, 2)
+    assert str(file).endswith("eval_1.json' holds 1 of 2 episodes, and 1 more records of the same ones")

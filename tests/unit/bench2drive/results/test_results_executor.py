@@ -54,6 +54,7 @@ def test_settings_are_read_as_sentences_and_paths_may_hold_commas() -> None:
         ("=a", UsageError, "expected SETTING=FOLDER"),
         ("clean=a,CLEAN=b", UsageError, "names 'clean' twice"),
         ("latncy 200 ms=a", RequirementError, "latncy 200 ms"),
+        ("claen=a", RequirementError, "there is no setting 'claen'. Did you mean 'clean'?"),
     ],
 )
 def test_what_does_not_name_results_is_refused(text: str, error: type[UsageError], expected: str) -> None:
