@@ -10,6 +10,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.plugin.terminal import columns_of_screen
+from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executors import Executor
@@ -43,6 +44,10 @@ class PlanPlugin:
         """Show the plan; no test runs."""
         reporter = self.config.pluginmanager.get_plugin("terminalreporter")
         if reporter is not None:
+            try:
+                self._take_finished()
+            except UsageError as error:
+                raise_as_pytests(error)
             likely, possible = self._needed()
             text = plan_text(
                 self.requests.values(),
@@ -57,6 +62,12 @@ class PlanPlugin:
             reporter.section("drive-robust plan")
             reporter.write_line(text)
         return True
+
+    def _take_finished(self) -> None:
+        """Put what the executor keeps itself into the store of this run. Raises `UsageError`."""
+        for key, request in self.requests.items():
+            if (result := self.executor.finished(request)) is not None:
+                self.store.put(key, result)
 
     def _needed(self) -> tuple[set[str], set[str]]:
         """Return the keys of the episodes that the verdicts probably take, and that they take at most."""

@@ -47,6 +47,13 @@ class Executor(ABC):
         `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
         """
 
+    def finished(self, request: EpisodeRequest) -> EpisodeResult | None:
+        """Return an episode that `submit` would not drive, as it is kept where the executor looks; else None.
+
+        Raises `UsageError` where what is kept cannot be used.
+        """
+        return None
+
     @abstractmethod
     def close(self) -> None:
         """Free simulators, agents and processes; what is under way has no result. Calling it twice does no harm."""

@@ -179,6 +179,39 @@ def test_an_evaluation_that_has_not_ended_is_no_pass(results, pytester, workers)
     named.assert_outcomes(passed=3)
 
 
+@pytest.mark.parametrize("planned", ['["1", "2", "3"]', "{}"], ids=["unfinished", "damaged"])
+def test_an_evaluation_of_ours_that_has_not_ended_is_no_pass(results, pytester, planned):
+    folder = pytester.mkdir("official")
+    for route in ("1", "2"):  # a file of each route, as our evaluator leaves them
+        write_results(folder / f"{route}.json", {route: 100.0})
+    (folder / "drive_robust.planned").write_text(planned)
+    result = results("clean=official,200 ms latency=official")
+    assert result.ret == 4
+    text = result.stdout.str() + result.stderr.str()
+    told = "'official/drive_robust.planned' is damaged" if planned == "{}" else "holds 2 of 3 episodes, without 3"
+    assert told in text
+
+
+def test_results_that_do_not_say_how_many_were_planned_are_told(results, pytester):
+    write_results(pytester.path / "merged.json", {"1": 100.0, "2": 100.0})
+    merged = json.loads((pytester.path / "merged.json").read_text())
+    del merged["_checkpoint"]["progress"]
+    (pytester.path / "merged.json").write_text(json.dumps(merged))
+    both = "clean=merged.json,200 ms latency=merged.json"
+    result = results(both)
+    result.assert_outcomes(passed=3)
+    told = "drive-robust: the results of 'clean' in 'merged.json' do not say how many routes were planned; those of 2 *"
+    result.stdout.fnmatch_lines([told])
+    assert "were planned" not in results(both, "--drive-routes", "1,2").stdout.str()
+    assert "were planned" not in results(BOTH).stdout.str()
+
+
+def test_a_plan_finds_everything_there(results):
+    result = results(BOTH, "--drive-plan")
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["Every verdict is in: nothing would be driven."])
+
+
 def test_a_part_of_an_evaluation_that_is_empty_is_none_that_ended(results, pytester):
     folder = pytester.mkdir("parts")
     write_results(folder / "eval_0.json", {"1": 100.0, "2": 100.0})

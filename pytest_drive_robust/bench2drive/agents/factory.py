@@ -13,14 +13,13 @@ from types import ModuleType
 from typing import Any
 
 from pytest_drive_robust.bench2drive import agents as official_agents
+from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.agents.adapter import OfficialAgent
 from pytest_drive_robust.bench2drive.agents.stand_ins.finder import install_stand_ins
 from pytest_drive_robust.bench2drive.asked_variables import asked_variables
-from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
-_SYNTAX = "expected leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config"
-_LOOKS_LIKE_A_FILE = re.compile(r".*[/\\].*|.+\.[A-Za-z]\w*")
 _METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")
 
 
@@ -84,30 +83,9 @@ def leaderboard_agent(argument: str) -> OfficialAgentFactory:
     pytest_drive_robust.errors.UsageError: leaderboard names no agent file: expected \
 leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/config.
     """
-    name, _, config = argument.partition("+")
-    if not name:
-        raise UsageError(f"leaderboard names no agent file: {_SYNTAX}.")
-    file = Path(name).expanduser()
-    if not file.is_file():
-        raise UsageError(f"there is no agent file {name!r}{_instead(file)}: {_SYNTAX}.")
-    if file.suffix != ".py":
-        raise UsageError(f"the agent file {name!r} is no Python file: {_SYNTAX}.")
-    for part in filter(None, config.split("+")):
-        if _LOOKS_LIKE_A_FILE.fullmatch(part) and not Path(part).expanduser().exists():
-            raise UsageError(
-                f"there is no {part!r}{_instead(Path(part))}, which leaderboard:{argument} names as configuration of "
-                f"the agent: {_SYNTAX}."
-            )
-    return OfficialAgentFactory(file.resolve(), config)
-
-
-def _instead(missing: Path) -> str:
-    """Return `" (did you mean 'agent.py'?)"`, or nothing."""
-    folder = missing.parent
-    if not folder.is_dir():
-        return ""
-    close = nearest(missing.name, [path.name for path in folder.iterdir()])
-    return f" (did you mean {str(folder / close)!r}?)" if close is not None else ""
+    file, config = split_argument(argument)
+    require_configuration(argument, config)
+    return OfficialAgentFactory(file, config)
 
 
 def _agent_class(file: Path) -> type:

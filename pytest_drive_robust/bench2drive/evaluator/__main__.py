@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from concurrent.futures import as_completed
@@ -29,7 +30,8 @@ _INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
-    Returns 0 when every route has a score, 1 when harness errors left some without, 4 for misuse, 130 when interrupted.
+    Returns 0 when every route has a score, 1 when harness errors left some without or all are errors of the agent, 4
+    for misuse, 130 when interrupted.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -91,26 +93,34 @@ def _run(options: argparse.Namespace) -> int:
             raise UnknownNameError.of(f"route in {file}", route_id, known)
     requests = [
         EpisodeRequest(Episode(AGENT_PREFIX + options.agent, name, str(setting), options.seed), known[name], setting)
-        for name in chosen or known
+        for name in dict.fromkeys(chosen or known)
     ]
     executor.check(requests)
     print(f"{len(requests)} routes of {file} under {setting}, seed {options.seed}", flush=True)
     unscored: list[str] = []
+    broken: list[str] = []
     try:
         for future in as_completed([executor.submit(request) for request in requests]):
             result = future.result()
             print(_line(result), flush=True)
             unscored += [result.episode.route_id] if result.outcome is Outcome.INFRA_ERROR else []
+            broken += [result.episode.route_id] if result.outcome is Outcome.AGENT_ERROR else []
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here")
         return _INTERRUPTED
     finally:
         executor.close()
     results = executor.run_folder(requests[0]).results
-    print(f"{len(requests) - len(unscored)} of {len(requests)} routes have a score: drive-robust score {results}")
+    scored = len(requests) - len(unscored)
+    names = "" if chosen else f" --routes {shlex.quote(str(file))}"  # of some ids the results themselves tell the rest
+    print(f"{scored} of {len(requests)} routes have a score: drive-robust score {shlex.quote(str(results))}{names}")
+    if broken:
+        print(f"{len(broken)} of them ended as an error of the agent: {', '.join(broken)}")
+    if broken and len(broken) == scored:
+        print(f"none was driven to its end; where the cause is in no file of the agent, remove {results} to try again")
     if unscored:
         print(f"no score, because the harness failed: {', '.join(unscored)}")
-    return 1 if unscored else 0
+    return 1 if unscored or len(broken) == len(requests) else 0
 
 
 def _check_numbers(options: argparse.Namespace) -> None:

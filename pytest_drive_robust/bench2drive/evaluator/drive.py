@@ -14,7 +14,10 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.asked_variables import PLANNER_TYPE, asked_variables
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.code_around import code_around
+from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version
 from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
+from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import read_results
@@ -49,48 +52,29 @@ class EvaluatorSetup:
     def identity(self) -> dict[str, str]:
         """What decides the results, as text by name: drives of which one differs must not be mixed.
 
-        The configuration may name several files and folders, joined by `+`.
+        The configuration may name several files and folders, joined by `+`. The code that counts is what lies around
+        the agent and around its configuration, and the checkout's own; what is installed in the agent's Python does not
+        count, but which Python that is.
         """
-        parts = [part for part in self.config.split("+") if part]
+        checkout = self.checkout
+        parts = [checkout.root / part for part in self.config.split("+") if part]
+        around = [self.agent.parent, *(part.parent for part in parts if part.suffix == ".py")]
         return {
             "agent": str(self.agent),
             "agent file": _digest(self.agent),
             "config": self.config,
-            "config files": "\n".join(_stamp(self.checkout.root / part) for part in parts),
+            "config files": "\n".join(map(_stamp, parts)),
+            "code": code_around(
+                dict.fromkeys((*around, checkout.root / "leaderboard", checkout.root / "scenario_runner"))
+            ),
+            "python": f"{checkout.python} {checkout.python_version}",
+            "carla": carla_version(checkout.carla_root),
             "environment": json.dumps(_asked_environment(self)),
             "setting": str(self.setting),
             "seed": str(self.seed),
             "routes": f"{self.routes} {_digest(self.routes)}",
-            "root": str(self.checkout.root),
+            "root": str(checkout.root),
         }
-
-
-@dataclass(frozen=True, slots=True)
-class RunFolder:
-    """Where the files of a route go, below `folder`. What is finished is in `results`, one file for each route."""
-
-    folder: Path
-
-    @property
-    def results(self) -> Path:
-        """Official result files, and beside them what agents save: what `drive-robust score` takes."""
-        return self.folder / "results"
-
-    def result(self, route: str) -> Path:
-        """Return the official result file of a route; there only when it is scored."""
-        return self.results / f"{route}.json"
-
-    def injected(self, route: str) -> Path:
-        """Return one line of JSON: what was injected."""
-        return self.folder / "injected" / f"{route}.jsonl"
-
-    def log(self, route: str, number: int) -> Path:
-        """Return what the evaluator said in try `number`."""
-        return self.folder / "logs" / f"{route}.{number}.log"
-
-    def work(self, route: str) -> Path:
-        """Return what a try writes before it is known to be a result."""
-        return self.folder / "work" / route
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,20 +94,30 @@ def drive_route(
     run_folder: RunFolder,
     *,
     slot: int = 0,
-    stop: threading.Event | None = None,
+    stop: threading.Event,
     reuse: bool = True,
 ) -> DrivenRoute:
-    """Drive a route until it has a score, at most `setup.tries` times.
+    """Drive a route until it has a score, at most `setup.tries` times, or until `stop` is set.
 
     A route that has one already is not driven; without `reuse` it is, and what was there is replaced by its new score.
+    Where another command drives it, wait for what comes of that.
 
     Raises `UsageError` when the evaluator cannot be started like this at all.
     """
-    if not route.isdecimal():
-        raise UsageError(f"the route id {route!r} is not a number, and the official evaluator takes nothing else.")
-    finished = _read_finished(run_folder, route) if reuse else None
+    finished = read_finished(run_folder, route) if reuse else None
     if finished is not None:
         return finished
+    claim = run_folder.claim(route, stop)
+    if claim is None:
+        return DrivenRoute(route, None, (), {}, 0.0)
+    with claim:
+        finished = read_finished(run_folder, route) if reuse else None  # by the one who had the claim until now
+        return finished or _drive(setup, route, run_folder, slot=slot, stop=stop)
+
+
+def _drive(
+    setup: EvaluatorSetup, route: str, run_folder: RunFolder, *, slot: int, stop: threading.Event
+) -> DrivenRoute:
     troubles: list[str] = []
     wall_s = 0.0
     for number in range(1, setup.tries + 1):
@@ -145,7 +139,7 @@ def drive_route(
     return DrivenRoute(route, None, tuple(troubles), {}, wall_s)
 
 
-def _read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
+def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
     """Return what an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
@@ -180,7 +174,7 @@ def _asked_environment(setup: EvaluatorSetup) -> dict[str, str]:
 
 
 def _once(
-    setup: EvaluatorSetup, route: str, run_folder: RunFolder, number: int, slot: int, stop: threading.Event | None
+    setup: EvaluatorSetup, route: str, run_folder: RunFolder, number: int, slot: int, stop: threading.Event
 ) -> Attempt:
     work, log = run_folder.work(route), run_folder.log(route, number)
     shutil.rmtree(work, ignore_errors=True)

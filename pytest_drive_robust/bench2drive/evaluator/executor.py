@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import threading
+from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
@@ -12,12 +13,14 @@ from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
 
+from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
 from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
 from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, check_ports
+from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection
@@ -33,22 +36,27 @@ from pytest_drive_robust.store.record_files import hide_from_git
 AGENT_PREFIX = "leaderboard:"
 
 
-def read_agent(name: str) -> tuple[Path, str]:
+def read_agent(name: str, root: Path) -> tuple[Path, str]:
     """Split `leaderboard:FILE.py+CONFIG` into the absolute path of the file and the text for the agent's `setup`.
 
-    Raises `UsageError`: only official agents drive in the official evaluator.
+    Files that it names become absolute, but for those of the checkout in `root`: the evaluator runs there.
+
+    Raises `UsageError`: only official agents drive in the official evaluator, and only with files that are there.
     """
     if not name.startswith(AGENT_PREFIX):
         raise UsageError(
             f"the agent {name!r} cannot drive in Bench2Drive: expected an official one, as in "
             f"{AGENT_PREFIX}path/to/agent.py+path/to/config"
         )
-    file, _, config = name[len(AGENT_PREFIX) :].partition("+")
-    path = Path(file)
-    if not path.is_file():
-        raise UsageError(f"there is no agent file {file!r} (of {name!r}).")
-    parts = [str(Path(part).resolve()) if part and Path(part).exists() else part for part in config.split("+")]
-    return path.resolve(), "+".join(parts)  # the evaluator runs in another folder
+    argument = name[len(AGENT_PREFIX) :]
+    file, config = split_argument(argument)
+    require_configuration(argument, config, root=root)
+    return file, "+".join(_absolute(part) for part in config.split("+"))
+
+
+def _absolute(part: str) -> str:
+    path = Path(part).expanduser()
+    return str(path.resolve()) if part and path.exists() else part
 
 
 class Bench2DriveExecutor(Executor):
@@ -82,6 +90,8 @@ class Bench2DriveExecutor(Executor):
         self._fresh = fresh
         self._hidden = hidden
         self._driven: set[tuple[Path, str]] = set()
+        self._planned: defaultdict[tuple[object, ...], dict[str, None]] = defaultdict(dict)
+        self._planning = threading.Lock()
         self._options = {"port": port, **options}  # tries, patience of an EvaluatorSetup
         self._stop = threading.Event()
         self._free: SimpleQueue[int] = SimpleQueue()
@@ -102,21 +112,29 @@ class Bench2DriveExecutor(Executor):
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
         """Raise `UsageError` for a request whose agent, route or setting the evaluator cannot have."""
         for request in requests:
-            agent, _ = read_agent(request.episode.agent)
+            agent, _ = read_agent(request.episode.agent, self._checkout.root)
             require_planner_type(agent)
             self._require_route(request.route)
             drive.setting_as_json(request.setting, seed=request.episode.seed)
+            with self._planning:
+                self._planned[_kind(request)][request.route.id] = None
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Begin an episode as soon as a slot is free."""
         return self._pool.submit(self._drive, request)
 
-    def run_folder(self, request: EpisodeRequest) -> drive.RunFolder:
+    def finished(self, request: EpisodeRequest) -> EpisodeResult | None:
+        """Return what an earlier command drove, or None where it must be driven. Raises `UsageError` for damage."""
+        run_folder = self.run_folder(request)
+        driven = drive.read_finished(run_folder, request.route.id) if self._reuses(run_folder, request) else None
+        return None if driven is None else self._result(driven, request, run_folder)
+
+    def run_folder(self, request: EpisodeRequest) -> RunFolder:
         """Return the folder for everything that decides the results alike: what is in it is of the same kind."""
         setup = self._setup(request)
         parts = (*setup.identity.values(), request.identity)
         digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
-        return drive.RunFolder(self._folder / f"{setup.agent.stem}-seed{setup.seed}-{digest}")
+        return RunFolder(self._folder / f"{setup.agent.stem}-seed{setup.seed}-{digest}")
 
     def close(self) -> None:
         """Kill evaluators and servers at once."""
@@ -124,7 +142,7 @@ class Bench2DriveExecutor(Executor):
         self._pool.shutdown(cancel_futures=True)
 
     def _setup(self, request: EpisodeRequest) -> drive.EvaluatorSetup:
-        agent, config = read_agent(request.episode.agent)
+        agent, config = read_agent(request.episode.agent, self._checkout.root)
         return drive.EvaluatorSetup(
             self._checkout, agent, config, request.setting, request.episode.seed, self._routes,
             **self._options,  # type: ignore[arg-type]
@@ -136,8 +154,10 @@ class Bench2DriveExecutor(Executor):
             self._folder.mkdir(parents=True, exist_ok=True)
             hide_from_git(self._folder)
         run_folder = self.run_folder(request)
-        place = (run_folder.folder, request.route.id)
-        reuse = not self._fresh or place in self._driven
+        with self._planning:
+            planned = tuple(self._planned[_kind(request)])
+        run_folder.plan(planned, self._stop)
+        reuse = self._reuses(run_folder, request)
         slot = self._free.get()
         try:
             setup = replace(self._setup(request), gpu=self._gpus[slot % len(self._gpus)])
@@ -147,7 +167,13 @@ class Bench2DriveExecutor(Executor):
         if driven.record is None and self._stop.is_set():
             raise Stopped
         if driven.record is not None:
-            self._driven.add(place)
+            self._driven.add((run_folder.folder, request.route.id))
+        return self._result(driven, request, run_folder)
+
+    def _reuses(self, run_folder: RunFolder, request: EpisodeRequest) -> bool:
+        return not self._fresh or (run_folder.folder, request.route.id) in self._driven
+
+    def _result(self, driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
         return replace(_result(driven, request, run_folder), wall_s=driven.wall_s, versions=self._versions)
 
     @cached_property
@@ -165,14 +191,26 @@ class Bench2DriveExecutor(Executor):
         own = self._known.get(route.id)
         if own is None:
             raise UnknownNameError.of(f"route in {str(self._routes)!r}", route.id, self._known)
-        if (own.town, own.scenario.type) != (route.town, route.scenario.type):
+        if own != route:
+            here, there = (f"{one.scenario.type} in {one.town}" for one in (route, own))
+            told = f"{here} for the test, but {there}" if here != there else "another one for the test than it is"
             raise UsageError(
-                f"route {route.id} is {route.scenario.type} in {route.town} for the test, but {own.scenario.type} in "
-                f"{own.town} in {str(self._routes)!r}: give both the same file with --drive-routes."
+                f"route {route.id} is {told} in {str(self._routes)!r}, which the evaluator drives: give both the same "
+                "file with --drive-routes."
+            )
+        if not route.id.isdecimal():
+            raise UsageError(
+                f"the route id {route.id!r} is not a number, and the official evaluator takes nothing else."
             )
 
 
-def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: drive.RunFolder) -> EpisodeResult:
+def _kind(request: EpisodeRequest) -> tuple[object, ...]:
+    """Return what requests have in common whose results go to one folder, as long as no file changes."""
+    episode = request.episode
+    return episode.agent, episode.setting, episode.seed, request.identity
+
+
+def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
     """Return the episode; `infra_error` when no try gave a score.
 
     Raises `UsageError` for a record whose score does not follow from its infractions.

@@ -100,6 +100,7 @@ class ResultsScopes(ExternalScopes):
         super().__init__(options, registry, load_routes, results)
         self._results = results
         self._seeds: set[int] = set()
+        self._takes_all = False
 
     def of(self, marker: MarkerOptions) -> Scope:
         """Return the scope of a test with this marker. Raises `UsageError`, also for unfinished results."""
@@ -111,9 +112,11 @@ class ResultsScopes(ExternalScopes):
         """Return routes as `ExternalScopes` does, all of them only where every evaluation has ended."""
         if spec == self._options.simulator:
             self._results.require_finished()
+            self._takes_all = True
         return super().routes(spec)
 
     def advice(self) -> list[str]:
-        """Return which records no test judges, because seeds were given, in a sentence."""
-        sentence = self._results.left_out(self._seeds) if self._seeds else ""
-        return [sentence] if sentence else []
+        """Return which records no test judges, because seeds were given, and of what nobody knows whether it is all."""
+        left_out = self._results.left_out(self._seeds) if self._seeds else ""
+        unplanned = self._results.unplanned() if self._takes_all else ()
+        return [sentence for sentence in (left_out, *unplanned) if sentence]

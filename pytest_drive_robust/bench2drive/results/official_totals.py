@@ -161,11 +161,13 @@ def _over_routes(values: Values) -> float | None:
 def _missing(
     results: ResultSet, scenarios: Mapping[str, str] | None, *, otherwise: int | None
 ) -> tuple[tuple[str, ...] | None, int | None]:
-    """Return which and how many; without a route file the evaluator's own plan tells how many, else `otherwise`."""
+    """Return which and how many; without a route file the evaluator's own plan tells it, else `otherwise` how many."""
     there = {record.route for record in results.records}
     if scenarios is not None:
         absent = tuple(route for route in scenarios if route not in there)
         return absent, len(absent)
+    if results.missing:
+        return results.missing, len(results.missing)
     planned = otherwise if results.planned is None else results.planned
     if planned is None:
         return None, None

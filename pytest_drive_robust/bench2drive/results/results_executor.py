@@ -83,7 +83,8 @@ def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None =
 class ResultsSource:
     """The results of one setting: answers which episode a route and a seed (the record's repetition) were.
 
-    `unfinished` are the files of an evaluation that has not ended.
+    `unfinished` are the files of an evaluation that has not ended, `planned` is how many episodes it was to have, None
+    where nothing tells.
     """
 
     setting: str
@@ -91,6 +92,7 @@ class ResultsSource:
     records: Mapping[tuple[str, int], tuple[OfficialRecord, ...]]
     folders: tuple[Path, ...]
     unfinished: tuple[UnfinishedFile, ...] = ()
+    planned: int | None = None
 
     @classmethod
     def read(cls, setting: str, path: Path) -> ResultsSource:
@@ -103,7 +105,7 @@ class ResultsSource:
         for record in results.records:
             found.setdefault((record.route, record.repetition), []).append(record)
         records_of = {key: tuple(of_key) for key, of_key in found.items()}
-        return cls(setting, path, records_of, (results.folder,), results.unfinished)
+        return cls(setting, path, records_of, (results.folder,), results.unfinished, results.planned)
 
     @property
     def routes(self) -> tuple[Route, ...]:
@@ -188,6 +190,19 @@ class ResultsExecutor(Executor):
             advice = "Finish the evaluation, or name the routes to judge, with --drive-routes FILE.xml or id,id."
             head = "--drive-results names an evaluation that has not ended:"
             raise UsageError("\n  ".join([head, *files[:_MOST_SHOWN], *more, advice]))
+
+    def unplanned(self) -> tuple[str, ...]:
+        """Return a sentence for each evaluation of which nothing tells whether it has ended: its routes may lack."""
+        return tuple(
+            f"the results of {source.setting!r} in {str(source.path)!r} do not say how many routes were planned; those "
+            f"of {len(source.routes)} are judged. Should there be more, name them: --drive-routes FILE.xml"
+            for source in self._sources.values()
+            if source.planned is None
+        )
+
+    def finished(self, request: EpisodeRequest) -> EpisodeResult:
+        """Return the episode: all of them are there. Raises `UsageError` where it is not."""
+        return self.submit(request).result()
 
     def left_out(self, seeds: Collection[int]) -> str:
         """Return how many records are of other repetitions than `seeds`, as a sentence; empty where none is."""

@@ -7,28 +7,37 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, read_record
+from pytest_drive_robust.bench2drive.results.planned_routes import planned_routes
 from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
 from pytest_drive_robust.errors import UsageError
 
 _MERGED = "merged.json"
 _RECORDS = "records"
+_MOST_SHOWN = 10
 
 
 @dataclass(frozen=True, slots=True)
 class UnfinishedFile:
-    """A file that holds fewer episodes than the evaluator set out to drive; `planned` is None where it was emptied."""
+    """A file that holds fewer episodes than the evaluator set out to drive; `planned` is None where it was emptied.
+
+    It is the folder of the files where our own evaluator drove them. Only then it is known which routes are `missing`.
+    """
 
     path: Path
     held: int
     planned: int | None
     doubled: int = 0
     """How many of its records are of episodes that it has already."""
+    missing: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         if self.planned is None:
             return f"{shown(self.path)} is empty: its evaluator ended before the first route"
+        named = f", without {', '.join(shown(name, quotes=False) for name in self.missing[:_MOST_SHOWN])}"
+        more = f" and {len(self.missing) - _MOST_SHOWN} more" if len(self.missing) > _MOST_SHOWN else ""
+        without = named + more if self.missing else ""
         doubled = f", and {self.doubled} more records of the same ones" if self.doubled else ""
-        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes{doubled}"
+        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes{without}{doubled}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,8 +45,9 @@ class ResultSet:
     """The records of one run in the order of their files and lines.
 
     `planned` is how many episodes (routes times repetitions) the evaluator set out to drive, None where some file does
-    not say so; `unfinished` are the files that say that they hold fewer, or are empty. `folder` is where the files are:
-    folders of single routes are looked for from there. `skipped` are files that hold no records.
+    not say so; `unfinished` are the files that say that they hold fewer, or are empty. `missing` are the planned routes
+    without a record, as far as somebody noted which ones were planned. `folder` is where the files are: folders of
+    single routes are looked for from there. `skipped` are files that hold no records.
     """
 
     records: tuple[OfficialRecord, ...]
@@ -45,6 +55,7 @@ class ResultSet:
     planned: int | None = None
     skipped: tuple[Path, ...] = ()
     unfinished: tuple[UnfinishedFile, ...] = ()
+    missing: tuple[str, ...] = ()
 
     @property
     def duplicates(self) -> tuple[str, ...]:
@@ -60,6 +71,7 @@ def read_results(path: Path) -> ResultSet:
     """
     single = _is_file(path)
     files = [path] if single else _files_of(path)
+    routes = () if single else planned_routes(path)
     records: list[OfficialRecord] = []
     planned: list[int | None] = []
     skipped: list[Path] = []
@@ -67,7 +79,8 @@ def read_results(path: Path) -> ResultSet:
     for file in files:
         if file != path and is_empty(file):
             skipped.append(file)
-            unfinished.append(UnfinishedFile(file, 0, None))
+            if not routes:  # our evaluator leaves whole files only: there, the agent left it
+                unfinished.append(UnfinishedFile(file, 0, None))
             continue
         document = read_json(file)
         lines = _records_of(document)
@@ -85,12 +98,18 @@ def read_results(path: Path) -> ResultSet:
     if not records:
         raise UsageError(f"{shown(path)} holds no record of a route. A score of nothing is not 0.")
     totals = [total for total in planned if total is not None]
+    there = {record.route for record in records}
+    missing = tuple(route for route in routes if route not in there)
+    if missing:
+        unfinished.append(UnfinishedFile(path, len(routes) - len(missing), len(routes), missing=missing))
     return ResultSet(
         records=tuple(records),
         folder=path.parent if single else path,
-        planned=sum(totals) if len(totals) == len(files) else None,  # nobody knows what a part that died had before it
+        # nobody knows what a part that died had before it
+        planned=sum(totals) + len(missing) if routes or len(totals) == len(files) else None,
         skipped=tuple(skipped),
         unfinished=tuple(unfinished),
+        missing=missing,
     )
 
 

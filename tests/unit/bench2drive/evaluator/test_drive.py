@@ -6,6 +6,7 @@ import json
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from patience import PATIENCE_S
 from pytest_drive_robust.bench2drive.evaluator.__main__ import main
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES
 from pytest_drive_robust.bench2drive.results.results_file import read_results
+from pytest_drive_robust.cli.main import main as drive_robust
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import PerturbationError, UnknownNameError, UsageError
@@ -33,7 +35,9 @@ def test_a_run_scores_every_route_and_the_second_run_drives_none(
     assert code == 0, told
     (results,) = tmp_path.glob("out/*/results")
     assert str(results) in told
-    assert {record.route for record in read_results(results).records} == set(ROUTES)
+    found = read_results(results)
+    assert {record.route for record in found.records} == set(ROUTES)
+    assert (found.planned, found.missing, found.unfinished) == (3, (), ())
     before = {path: path.stat().st_mtime_ns for path in results.glob("*.json")}
     code, told = official_run("ok", "--setting", "GPS noise 5 m and 100 ms latency", "--seed", "4")
     assert code == 0
@@ -98,6 +102,90 @@ def test_an_old_python_is_given_the_same_to_the_last_bit(official_run: Callable[
     assert told[0] == told[1]
 
 
+def test_routes_without_a_score_are_missing_in_the_results(
+    official_run: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, told = official_run("crash-in:303", "--tries", "1")
+    assert code == 1
+    (results,) = tmp_path.glob("out/*/results")
+    file = tmp_path / "b2d/leaderboard/data/bench2drive220.xml"
+    assert f"2 of 3 routes have a score: drive-robust score {results} --routes {file}\n" in told
+    assert read_results(results).missing == ("303",)
+    assert drive_robust(["score", str(results), "--metrics", "fixed"]) == 0
+    assert "1  missing: 303" in capsys.readouterr().out
+
+
+def test_commands_of_other_routes_share_what_was_planned(official_run: Callable[..., Any], tmp_path: Path) -> None:
+    file = tmp_path / "b2d/leaderboard/data/bench2drive220.xml"
+    code, told = official_run("crash-in:101", "--routes", f"{file}:101,101", "--tries", "1", "--slots", "2")
+    assert code == 1
+    assert "0 of 1 routes have a score" in told
+    assert official_run("crash-in:101", "--routes", f"{file}:202", "--tries", "1")[0] == 0
+    (results,) = tmp_path.glob("out/*/results")
+    assert read_results(results).missing == ("101",)
+
+
+@pytest.mark.parametrize(
+    ("config", "text"),
+    [
+        ("ckpt/bset.pth", "there is no 'ckpt/bset.pth' (did you mean"),
+        ("settings.py+bset.pth", "there is no 'bset.pth'"),
+    ],
+)
+def test_a_mistyped_checkpoint_is_refused_before_anything_is_driven(
+    config: str, text: str, official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ckpt").mkdir()
+    (tmp_path / "ckpt/best.pth").write_text("")
+    (tmp_path / "b2d/settings.py").write_text("")  # the evaluator runs there
+    monkeypatch.chdir(tmp_path)
+    code, told = official_run(config)
+    assert code == 4
+    assert text in told
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_agent_and_its_checkpoint_may_be_in_the_home_folder(
+    official_executor: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made, task = official_executor()
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "best.pth").write_text("")
+    wanted = task("ok")
+    episode = Episode("leaderboard:~/own_agent.py+~/best.pth", ROUTES[0], "clean", 0)
+    result = made.submit(EpisodeRequest(episode, wanted.route, Setting.CLEAN)).result(PATIENCE_S)
+    assert result.outcome is Outcome.COMPLETED
+    (log,) = tmp_path.glob("runs/*/results/drive-101.json")
+    assert json.loads(log.read_text())["env"]["TEAM_CONFIG"] == str(tmp_path / "best.pth")
+
+
+def test_a_run_in_which_the_agent_always_breaks_is_no_success(official_run: Callable[..., Any]) -> None:
+    file = "status:Failed - Agent couldn't be set up"
+    code, told = official_run(file)
+    assert code == 1
+    assert "3 of 3 routes have a score" in told
+    assert "3 of them ended as an error of the agent: " in told
+
+
+def test_a_route_that_two_commands_want_is_driven_once(official_executor: Callable[..., Any], tmp_path: Path) -> None:
+    (one, task), (other, _) = official_executor(), official_executor(port=24700)
+    (tmp_path / "carla/CarlaUE4.sh").write_text(f"#!/bin/sh\necho >> {tmp_path}/servers\nsleep 600\n")
+    futures = [made.submit(task("ok")) for made in (one, other)]
+    assert [future.result(PATIENCE_S).outcome for future in futures] == [Outcome.COMPLETED] * 2
+    assert (tmp_path / "servers").read_text() == "\n"
+
+
+def test_a_route_id_that_is_no_number_is_refused_before_anything_is_driven(
+    official_run: Callable[..., Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "b2d/leaderboard/data/bench2drive220.xml"
+    file.write_text(file.read_text().replace('id="303"', 'id="own"'))
+    code, told = official_run("ok")
+    assert code == 4
+    assert "the route id 'own' is not a number" in told
+    assert not (tmp_path / "out").exists()
+
+
 def test_results_of_another_setting_lie_beside(official_run: Callable[..., Any], tmp_path: Path) -> None:
     route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101"
     for setting in ("clean", "occlusion 0.5"):
@@ -158,6 +246,11 @@ def test_tasks_that_the_evaluator_cannot_have_are_refused(official_executor: Cal
             UsageError,
             "Town01",
         ),
+        (
+            EpisodeRequest(good.episode, replace(good.route, waypoints=good.route.waypoints[1:]), Setting.CLEAN),
+            UsageError,
+            "route 101 is another one for the test",
+        ),
     ]
     made.check([good])
     for item, error, text in wrong:
@@ -173,6 +266,38 @@ def test_an_agent_that_was_edited_is_driven_again(official_executor: Callable[..
         file.write("# another agent\n")
     made.submit(task("ok")).result(PATIENCE_S)
     assert len(list((tmp_path / "runs").glob("*/logs/*.log"))) == 2
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        "team/model.py", "team/nets/deep.py", "configs/base.py", "b2d/leaderboard/leaderboard/own.py",
+        "b2d/scenario_runner/srunner/scenariomanager/timer.py", "carla/VERSION",
+    ],
+)  # fmt: skip
+def test_what_the_evaluator_runs_is_a_part_of_what_was_driven(
+    changed: str, official_executor: Callable[..., Any], tmp_path: Path
+) -> None:
+    made, task = official_executor()
+    for name in ("team/nets", "configs"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "configs/small.py").write_text("")
+    (tmp_path / "own_agent.py").rename(tmp_path / "team/own_agent.py")
+    episode = Episode(f"leaderboard:{tmp_path}/team/own_agent.py+{tmp_path}/configs/small.py", ROUTES[0], "clean", 0)
+    wanted = EpisodeRequest(episode, task("ok").route, Setting.CLEAN)
+    before = made.run_folder(wanted)
+    for name in ("team/notes.txt", "elsewhere.py"):
+        (tmp_path / name).write_text("x")
+        assert made.run_folder(wanted) == before
+    (tmp_path / changed).write_text("0.9.16")
+    assert made.run_folder(wanted) != before
+
+
+def test_another_python_is_a_part_of_what_was_driven(official_executor: Callable[..., Any], tmp_path: Path) -> None:
+    made, task = official_executor()
+    before = made.run_folder(task("ok"))
+    made._checkout = replace(made._checkout, python=str(tmp_path / "other-python"))
+    assert made.run_folder(task("ok")) != before
 
 
 @pytest.mark.parametrize("config", ["settings.py+weights.pth", "checkpoint", "b2d_weights.pth"])

@@ -43,6 +43,9 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
         "[pytest]\ndrive_verdict = point\ndrive_stuck_stop = 60\ndrive_act_timeout = 9s\n"  # of other runs
     )
     chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", f"--drive-agent=leaderboard:{agent}+ok")
+    plan = run(tmp_path / "suite", *chosen, "--drive-plan")
+    assert "6 episodes would be driven" in plan.stdout
+    assert not (tmp_path / "suite" / ".drive-robust" / "bench2drive").exists()
     first = run(tmp_path / "suite", *chosen, "--drive-json", "run.json")
     assert first.returncode == 0, first.stdout + first.stderr
     document = json.loads((tmp_path / "suite" / "run.json").read_text())
@@ -56,6 +59,7 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
     assert times
     assert run(tmp_path / "suite", *chosen).returncode == 0
     assert {path: os.stat(path).st_mtime_ns for path in times} == times  # nothing was driven again
+    assert "Every verdict is in: nothing would be driven." in run(tmp_path / "suite", *chosen, "--drive-plan").stdout
     assert run(tmp_path / "suite", *chosen, "--drive-fresh").returncode == 0
     assert not {path for path in times if os.stat(path).st_mtime_ns == times[path]}  # everything was
 

@@ -1,0 +1,63 @@
+"""The code that an evaluator may import beside the agent's own file, as one digest of all there is in some folders.
+
+Which of it is imported only the agent's own Python could tell: it reads modules by computed names and paths of its own.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from pytest_drive_robust.bench2drive.results.planned_routes import PLANNED_FILE
+
+_NO_CODE = frozenset({"__pycache__", "site-packages", "node_modules"})
+_MARKS = frozenset({"pyvenv.cfg", "conda-meta", PLANNED_FILE})
+"""What makes a folder a Python environment, or one of our results, where agents save what they like."""
+
+
+def code_around(folders: Iterable[Path]) -> str:
+    """Return 16 hex digits of all `*.py` below the folders, by their places, without environments and hidden ones.
+
+    What was read is read again only when its size or time has changed: this is asked before every route.
+    """
+    digest = hashlib.blake2b(digest_size=8)
+    for folder in folders:
+        for file in _python_files(folder, set()):
+            try:
+                status = file.stat()
+                content = _content(file.path, status.st_size, status.st_mtime_ns, status.st_ino)
+            except OSError:  # it is gone, or a link to nowhere: nobody can import it
+                continue
+            digest.update(os.fsencode(file.path) + b"\0" + content)
+    return digest.hexdigest()
+
+
+def _python_files(folder: Path, seen: set[tuple[int, int]]) -> Iterator[os.DirEntry[str]]:
+    """Yield them in an order that does not depend on the disk. Links are followed, to each folder once (`seen`)."""
+    try:
+        status = folder.stat()
+        with os.scandir(folder) as found:
+            entries = sorted(found, key=lambda entry: entry.name)
+    except OSError:  # nothing can be imported from there
+        return
+    place = status.st_dev, status.st_ino
+    is_below = bool(seen)  # what was named counts, whatever it is
+    if place in seen or (is_below and not _MARKS.isdisjoint(entry.name for entry in entries)):
+        return
+    seen.add(place)
+    for entry in entries:
+        if entry.name.startswith(".") or entry.name in _NO_CODE:
+            continue
+        if entry.is_dir():
+            yield from _python_files(Path(entry.path), seen)
+        elif entry.name.endswith(".py"):
+            yield entry
+
+
+@functools.lru_cache(maxsize=1 << 16)
+def _content(path: str, size: int, time_ns: int, inode: int) -> bytes:
+    """Return the digest of a file; the other arguments tell that it is another one."""
+    return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).digest()
