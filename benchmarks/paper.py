@@ -26,6 +26,11 @@ New weights drive all routes again. Their reports take the place of what the fir
     python benchmarks/paper.py benchmarks/paper/results.json tcp.json tcp-2.json tcp-3.json --replace tcp \\
         --write benchmarks/paper
 
+All agents must hold the same routes. Of those that hold more than the others:
+
+    python benchmarks/paper.py benchmarks/paper/results.json benchmarks/paper/second/results.json \\
+        --only tcp simlingo --write elsewhere
+
 Written are `results.json` (score, success and efficiency of every episode, comfort of every row and seed), `table.md`,
 `patterns.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
 `explanations.md` of the same folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`,
@@ -63,16 +68,19 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
         metavar="AGENT",
         help="leave out what the first FILE has of it",
     )
+    parser.add_argument(
+        "--only", nargs="+", default=[], choices=AGENTS, metavar="AGENT", help="leave out all other agents"
+    )
     parser.add_argument("--write", type=Path, required=True, metavar="FOLDER", help="where everything is written")
     return parser.parse_args(argv)
 
 
-def render(files: Sequence[Path], folder: Path, replaced: Collection[str] = ()) -> None:
+def render(files: Sequence[Path], folder: Path, replaced: Collection[str] = (), only: Collection[str] = ()) -> None:
     """Read `files`, then write everything into `folder`: all of it or, when the files are refused, nothing.
 
-    What the first file has of the agents in `replaced` is left out.
+    What the first file has of the agents in `replaced` is left out, and with `only` what any has of others.
     """
-    results = read(files, replaced)
+    results = read(files, replaced, only)
     patterns = {reading: patterns_of(Drives(results, reading)) for reading in READINGS}
     explained = explanations(folder / "explanations.md", patterns[READINGS[0]])
     written = {
@@ -98,7 +106,7 @@ def render(files: Sequence[Path], folder: Path, replaced: Collection[str] = ()) 
 def main(argv: Sequence[str] | None = None) -> None:
     given = parsed(argv)
     try:
-        render(given.files, given.write, given.replace)
+        render(given.files, given.write, given.replace, given.only)
     except DriveRobustError as error:
         sys.exit(f"error: {error}")
 

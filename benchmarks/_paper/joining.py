@@ -33,17 +33,18 @@ class _Part:
     driven: DrivenAgent
 
 
-def read(paths: Sequence[Path], replaced: Collection[str] = ()) -> Results:
+def read(paths: Sequence[Path], replaced: Collection[str] = (), only: Collection[str] = ()) -> Results:
     """Read all files as one.
 
     Of an agent that several files hold on the same routes, each setting is that of the last file which has it. Files
     of other routes or seeds are more drives of the same, and must hold the same agents and settings. What the first
     file holds of the agents in `replaced` is left out: it was driven with other weights than what the others hold.
+    With `only`, what the files hold of other agents is.
 
-    Raises what `read_file` raises, `UsageError` for an agent in `replaced` that the first file or all others lack, and
-    `ComparisonError` for files of different worlds or definitions of a route, for files that share some of their
-    routes only, for settings of one agent that belong to different clean runs, and for agents, routes or seeds that
-    lack what others have.
+    Raises what `read_file` raises, `UsageError` for an agent in `replaced` that the first file or all others lack and
+    for a file that holds none of `only`, and `ComparisonError` for files of different worlds or definitions of a route,
+    for files that share some of their routes only, for settings of one agent that belong to different clean runs, and
+    for agents, routes or seeds that lack what others have.
     """
     world: Mapping[str, object] = {}
     routes: dict[str, tuple[str, str]] = {}
@@ -52,6 +53,8 @@ def read(paths: Sequence[Path], replaced: Collection[str] = ()) -> Results:
         found = read_file(path)
         if number == 0:
             found = _without(found, replaced, path)
+        if only:
+            found = _with(found, only, path)
         _check_world(world or found.world, found.world, path)
         world = found.world
         _check_definitions(routes, found.routes, path)
@@ -81,6 +84,13 @@ def _without(found: Results, replaced: Collection[str], path: Path) -> Results:
             f"{', '.join(unknown)} to be replaced: {path}, the first file, holds {', '.join(found.agents)}."
         )
     kept = {name: driven for name, driven in found.agents.items() if name not in replaced}
+    return replace(found, agents=kept)
+
+
+def _with(found: Results, only: Collection[str], path: Path) -> Results:
+    kept = {name: driven for name, driven in found.agents.items() if name in only}
+    if not kept:
+        raise UsageError(f"only {', '.join(only)} are wanted: {path} holds {', '.join(found.agents)}.")
     return replace(found, agents=kept)
 
 

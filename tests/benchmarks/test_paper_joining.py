@@ -62,6 +62,15 @@ def test_an_agent_is_replaced_by_something(tmp_path: Path, replaced: list[str], 
         joining.read(saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE)), replaced)
 
 
+def test_agents_that_hold_more_routes_than_others_are_read_alone(tmp_path: Path) -> None:
+    tcp, vad, fewer = saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE), report("vad", ALIKE, routes=7))
+    both = tmp_path / "results.json"
+    both.write_text(results.text_of(joining.read([tcp, vad])))
+    assert joining.read([both], only=["tcp"]) == joining.read([tcp])
+    with pytest.raises(UsageError, match=r"only tcp are wanted: .*2\.json holds vad\."):
+        joining.read([both, fewer], only=["tcp"])
+
+
 def test_an_agent_can_be_driven_setting_by_setting(tmp_path: Path) -> None:
     whole = as_published("uniad")
     parts = [
