@@ -203,7 +203,7 @@ def _checked(cameras: Sequence[CameraSpec]) -> tuple[CameraSpec, ...]:
             raise UsageError(f"camera {camera.name!r}: {problem}")
         if camera.name in taken:
             raise UsageError(
-                f"camera {camera.name!r}: something else in the observation has this name, expected another"
+                f"camera {camera.name!r}: another camera or a signal has this name, expected one of its own"
             )
         taken.add(camera.name)
     return tuple(cameras)

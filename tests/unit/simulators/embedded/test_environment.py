@@ -160,8 +160,8 @@ def test_branches_are_a_straight_run_bit_by_bit(route):
 @pytest.mark.parametrize(
     ("cameras", "told"),
     [
-        ([CameraSpec("speed")], "camera 'speed': something else in the observation has this name"),
-        ([CameraSpec("front"), CameraSpec("front")], "camera 'front': something else in the observation has this name"),
+        ([CameraSpec("speed")], "camera 'speed': another camera or a signal has this name"),
+        ([CameraSpec("front"), CameraSpec("front")], "camera 'front': another camera or a signal has this name"),
         ([CameraSpec("front", width_px=0)], "camera 'front': width_px is 0, expected a whole number"),
     ],
 )
