@@ -21,7 +21,7 @@ from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
 from pytest_drive_robust.plugin.interrupt import InterruptPlugin
 from pytest_drive_robust.plugin.judging import DriveContext
 from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_keys
-from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, worker_input
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
 from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs
@@ -60,8 +60,7 @@ def activate(config: pytest.Config) -> None:
         from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
 
         context = config.stash[DRIVE_CONTEXT]
-        name: str = config.workerinput["workerid"]  # type: ignore[attr-defined]
-        idle = IdleWorkerPlugin(folder, name, context.scopes, context.campaign)
+        idle = IdleWorkerPlugin(folder, worker_input(config)["workerid"], context.scopes, context.campaign)
         config.pluginmanager.register(idle, "drive_robust_idle_worker")
 
 

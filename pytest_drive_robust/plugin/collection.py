@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, FIXTURES
+from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
-from pytest_drive_robust.plugin.process_roles import is_worker
+from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.requirement_place import requirements_of
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
@@ -42,7 +42,7 @@ class CollectionPlugin:
         """Tell the controller that tests were left out, where another process than this one reports."""
         for item in items[:1]:
             if is_worker(item.config):
-                item.config.workeroutput[DESELECTED] = True  # type: ignore[attr-defined]
+                worker_output(item.config)[DESELECTED] = True
 
     @pytest.hookimpl(tryfirst=True)  # and registered later than plugin.hooks, so called before its refusal
     def pytest_collection_finish(self, session: pytest.Session) -> None:
@@ -52,7 +52,7 @@ class CollectionPlugin:
             return
         context = _with_all_plugins(config)
         note_problem(config, "", context.scopes.check)
-        driving = [item for item in session.items if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))]
+        driving = [item for item in session.items if uses_drive(item)]
         for item in driving:
             note_problem(config, item.nodeid, lambda item=item: self._add(context, item))  # type: ignore[misc]
         if context.options.correction != "none":

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 NEEDS_FLAG = "needs --drive-robust"
 DRIVE_CONTEXT = pytest.StashKey["DriveContext"]()
 """In `config.stash` only where `--drive-robust` was given and this process drives."""
-FIXTURES = frozenset({"drive", "drive_agent"})
+_FIXTURES = frozenset({"drive", "drive_agent"})
 
 
 @pytest.fixture
@@ -32,3 +32,8 @@ def _context(request: pytest.FixtureRequest) -> DriveContext:
     if context is None:
         pytest.skip(NEEDS_FLAG)
     return context
+
+
+def uses_drive(item: pytest.Item) -> bool:
+    """Return True for a test that asks for one of these fixtures, itself or through others."""
+    return not _FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))

@@ -14,7 +14,7 @@ import pytest
 
 from pytest_drive_robust import hookspecs
 from pytest_drive_robust.options.table import OPTIONS
-from pytest_drive_robust.plugin.fixtures import FIXTURES, NEEDS_FLAG
+from pytest_drive_robust.plugin.fixtures import NEEDS_FLAG, uses_drive
 
 __all__: list[str] = []
 
@@ -115,7 +115,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     else:
         skip = pytest.mark.skip(reason=NEEDS_FLAG)
         for item in items:
-            if not FIXTURES.isdisjoint(getattr(item, "fixturenames", ())):
+            if uses_drive(item):
                 item.add_marker(skip)
 
 

@@ -13,6 +13,7 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.plugin.reporting import runs_tests
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
@@ -33,8 +34,8 @@ class ProbePlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
-        """Drive, tell at once, and keep it for the reports. With --collect-only and the like nothing is driven."""
-        if any(self._config.getoption(name, False) for name in ("collectonly", "setupplan", "setuponly")):
+        """Drive, tell at once, and keep it for the reports. Where no test runs, nothing is driven."""
+        if not runs_tests(self._config):
             return
         sentence = self._sentence()
         self._outputs.note(sentence)

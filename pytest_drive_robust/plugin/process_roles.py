@@ -1,6 +1,8 @@
-"""What this process is to pytest-xdist: a worker, the controller, or a session without workers."""
+"""What this process is to pytest-xdist (a worker, the controller, neither), and what both hand to each other."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import pytest
 
@@ -14,3 +16,20 @@ def is_controller(config: pytest.Config) -> bool:
     """Return True where pytest-xdist will hand all tests to workers: `--dist` alone, as in an ini file, starts none."""
     distributed = config.getoption("dist", "no") != "no" and bool(config.getoption("tx", None))
     return distributed and not is_worker(config)
+
+
+def worker_input(config: pytest.Config) -> dict[str, Any]:
+    """Return what the controller gave to this worker, `"workerid"` among it."""
+    given: dict[str, Any] = vars(config)["workerinput"]
+    return given
+
+
+def worker_output(config: pytest.Config) -> dict[str, Any]:
+    """Return what this worker hands to the controller at its end: plain values, by name."""
+    output: dict[str, Any] = vars(config)["workeroutput"]
+    return output
+
+
+def output_of(node: Any) -> dict[str, Any]:
+    """Return what a worker that ended handed over; nothing of one that crashed. `node` is the controller's view."""
+    return getattr(node, "workeroutput", None) or {}

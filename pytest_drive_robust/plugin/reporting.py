@@ -11,13 +11,14 @@ from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.judging import is_open
+from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 
-_DRIVES_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
+_RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("keyword", "markexpr", "deselect", "ignore", "ignore_glob", "lf", "stepwise")
@@ -42,7 +43,7 @@ class ReportingPlugin:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
         """Note that tests are about to run; --fixtures, --markers and the like never come here."""
-        self._ran = not any(self._config.getoption(name, False) for name in _DRIVES_NOTHING)
+        self._ran = runs_tests(self._config)
 
     def pytest_deselected(self) -> None:
         """Note that tests were left out, as pytest-split and a conftest.py do it without an option of pytest."""
@@ -51,7 +52,7 @@ class ReportingPlugin:
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any) -> None:
         """Note that tests were left out in a worker that ended (a hook of pytest-xdist)."""
-        self._deselected |= (getattr(node, "workeroutput", None) or {}).get(DESELECTED, False)
+        self._deselected |= output_of(node).get(DESELECTED, False)
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
         """Note that a test has ended, here or in a worker."""
@@ -104,6 +105,11 @@ class ReportingPlugin:
         for title, text in self._outputs.sections(colour=terminalreporter.hasmarkup, width=width):
             terminalreporter.section(title)
             terminalreporter.write_line(text)
+
+
+def runs_tests(config: pytest.Config) -> bool:
+    """Return False with --collect-only, --drive-plan and the like: no test runs, and nothing is driven."""
+    return not any(config.getoption(name, False) for name in _RUNS_NOTHING)
 
 
 def every_test_ran(session: pytest.Session) -> bool:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, output_of, worker_output
 
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
 _OUTPUT = "drive_robust_problems"
@@ -58,14 +58,14 @@ class ProblemCourier:
 
     def pytest_testnodedown(self, node: Any) -> None:
         """Take the problems of a worker that ended (a hook of pytest-xdist). One that crashed brings none."""
-        for problem, place in (getattr(node, "workeroutput", None) or {}).get(_OUTPUT, {}).items():
+        for problem, place in output_of(node).get(_OUTPUT, {}).items():
             self._problems.setdefault(problem, place)
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
         """Hand the problems over in a worker; set exit code 4 on the controller."""
         if is_worker(session.config):
-            session.config.workeroutput[_OUTPUT] = self._problems  # type: ignore[attr-defined]
+            worker_output(session.config)[_OUTPUT] = self._problems
         elif self._problems and is_controller(session.config):
             session.exitstatus = pytest.ExitCode.USAGE_ERROR
 

@@ -16,6 +16,7 @@ from typing import Any
 import pytest
 
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.plugin.process_roles import worker_input
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.report.progress import Progress
 from pytest_drive_robust.store.base import EpisodeStore
@@ -42,9 +43,9 @@ def join_run(
     config: pytest.Config, options: RunOptions, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
 ) -> Path:
     """Drive with the store of the run, tell the controller through the run's folder, return it: a worker's part."""
-    workerinput: dict[str, Any] = config.workerinput  # type: ignore[attr-defined]
-    folder = Path(workerinput[_INPUT])
-    observer = WorkerObserver(folder, name=workerinput["workerid"])
+    given = worker_input(config)
+    folder = Path(given[_INPUT])
+    observer = WorkerObserver(folder, name=given["workerid"])
     config.add_cleanup(observer.close)
     store = open_store(options, config.rootpath, run=folder.name, own=folder / "store")
     drive_here(store, observer)
