@@ -19,6 +19,7 @@ from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run
 from pytest_drive_robust.results.table_files import write_csv_tables, write_parquet_tables
 from pytest_drive_robust.simulators.routes import resolve_routes
+from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.record_files import read_episode
 
 _OFFICIAL = "bench2drive"
@@ -130,7 +131,7 @@ def _require_folders(folders: Iterable[str]) -> None:
             raise UsageError(f"--episodes is {folder!r}, expected a folder of stored episodes.")
 
 
-def _finder(folders: list[str]) -> Callable[[str], EpisodeResult | None]:
+def _finder(folders: list[str]) -> Find:
     """Return what finds `KEY.*` in the folders of stored episodes, or in the store of the project."""
     _require_folders(folders)
     places = [Path(folder) for folder in folders] or [home_of(Path.cwd()) / DEFAULT_STORE / "episodes"]

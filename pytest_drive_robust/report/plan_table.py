@@ -7,15 +7,15 @@ from collections.abc import Callable, Collection, Iterable
 from math import fsum
 from statistics import fmean
 
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.numbers import duration_text
 from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.store.base import Find
 
 
 def plan_text(
     requests: Iterable[EpisodeRequest],
-    find: Callable[[str], EpisodeResult | None],
+    find: Find,
     *,
     likely: Collection[str],
     possible: Collection[str],

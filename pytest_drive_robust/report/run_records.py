@@ -19,12 +19,12 @@ from pytest_drive_robust.regression.document import episode_of
 from pytest_drive_robust.regression.references import home_of, read_run_document
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import routes_for
+from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.record import decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
 
 T = TypeVar("T")
 S = TypeVar("S")
-Find = Callable[[str], "EpisodeResult | None"]
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.arithmetic.signals import mean
@@ -17,6 +17,7 @@ from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 from pytest_drive_robust.stats.multiple_verdicts import late_fails
+from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.events import (
     EpisodesNeeded,
     Event,
@@ -33,7 +34,6 @@ from pytest_drive_robust.store.events import (
 
 Interval = tuple[float, float]
 _Scope = tuple[str, str, str, tuple[int, ...]]
-Lookup = Callable[[str], "EpisodeResult | None"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +104,7 @@ class RunResult:
         cls,
         options: RunOptions,
         events: Sequence[Event],
-        find: Lookup,
+        find: Find,
         *,
         versions: Mapping[str, str],
         notes: tuple[str, ...] = (),

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.claims import Claim
+
+Find = Callable[[str], "EpisodeResult | None"]
+"""Gives the finished episode of a key, None where there is none: a store's `get`, say."""
 
 
 class EpisodeStore(Protocol):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -22,10 +22,9 @@ from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of, results_document
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.store.whole_file import write_whole
-
-Find = Callable[[str], "EpisodeResult | None"]
 
 CARLA_FOLDER = "carla"
 """What the official ability tool takes for the CARLA installation."""
