@@ -12,8 +12,7 @@ from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.options.run import DEFAULT_STORE
-from pytest_drive_robust.regression.references import home_of, read_run_document
+from pytest_drive_robust.regression.references import project_store, read_run_document
 from pytest_drive_robust.results.mcap_file import write_mcap
 from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run
@@ -134,7 +133,7 @@ def _require_folders(folders: Iterable[str]) -> None:
 def _finder(folders: list[str]) -> Find:
     """Return what finds `KEY.*` in the folders of stored episodes, or in the store of the project."""
     _require_folders(folders)
-    places = [Path(folder) for folder in folders] or [home_of(Path.cwd()) / DEFAULT_STORE / "episodes"]
+    places = [Path(folder) for folder in folders] or [project_store() / "episodes"]
     paths = {path.stem: path for place in places for path in sorted(place.rglob("*.*")) if path.is_file()}
 
     def find(key: str) -> EpisodeResult | None:

@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.document import read_document
+from pytest_drive_robust.regression.document import damaged, read_document
 from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.cache_key.identity import route_digest
@@ -127,7 +127,7 @@ def _digests(document: Mapping[str, Any], path: Path) -> dict[Episode, str]:
             for item in document["episodes"]
         }
     except (KeyError, TypeError, ValueError) as error:
-        raise UsageError(f"the run {str(path)!r} is damaged: {type(error).__name__}: {error}.") from None
+        raise damaged(str(path), error) from None
 
 
 def _routes(document: Mapping[str, Any]) -> dict[str, str]:

@@ -12,13 +12,12 @@ from pytest_drive_robust.cli.store import existing_store
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText
-from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.references import home_of
+from pytest_drive_robust.regression.references import project_store
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
 
@@ -54,7 +53,7 @@ def _report(options: argparse.Namespace) -> int:
         comparison = compare(snapshot, after, Terms(policy=policy))
         other = references.document(options.against)
         if other is not None:
-            find = stored_episodes(store or home_of(Path.cwd()) / DEFAULT_STORE)
+            find = stored_episodes(store or project_store())
             before = RunRecords.of(other, find, registry, label=snapshot.label)
     page = write_pages(folder, records, comparison=comparison, before=before, films=_films(options.films))
     say(f"report: {page}")

@@ -9,8 +9,7 @@ from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import time_limit_s
-from pytest_drive_robust.options.run import DEFAULT_STORE
-from pytest_drive_robust.regression.references import home_of
+from pytest_drive_robust.regression.references import project_store
 from pytest_drive_robust.report.numbers import counted, duration_text
 from pytest_drive_robust.store.maintenance import Statistics, set_aside, statistics, sweep, verify
 from pytest_drive_robust.store.record_files import is_store
@@ -110,7 +109,7 @@ def _gc(options: argparse.Namespace) -> int:
 
 def existing_store(options: argparse.Namespace) -> Path:
     """Return the store that `--store` names, else that of the project. Raises `UsageError` where there is none."""
-    folder = Path(options.store) if options.store else home_of(Path.cwd()) / DEFAULT_STORE
+    folder = Path(options.store) if options.store else project_store()
     if not folder.is_dir():
         advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
         raise UsageError(f"there is no store {str(folder)!r}.{advice}")

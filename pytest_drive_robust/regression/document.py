@@ -51,7 +51,20 @@ def snapshot_of(document: Mapping[str, Any], *, label: str) -> Snapshot:
     try:
         return _snapshot(document, label)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
+        raise damaged(label, error) from None
+
+
+def damaged(label: str, error: Exception) -> UsageError:
+    """Return what to say of a run in which something that runs have is missing, or is another thing."""
+    return UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.")
+
+
+def routes_of_one_id(label: str, route_id: str, where: str = "") -> UsageError:
+    """Return what to say of a run with two routes of that id; `where`: under which agent and setting."""
+    return UsageError(
+        f"the run {label!r} holds two routes with the id {route_id!r}{where}, so they cannot be told apart. Give the "
+        "routes of one file other ids, or drive the files in two runs."
+    )
 
 
 def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
@@ -70,11 +83,8 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     for episode in document["episodes"]:
         of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
         if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
-            raise UsageError(
-                f"the run {label!r} holds two routes with the id {episode['route_id']!r} for {episode['agent']} under "
-                f"{episode['setting']}, so they cannot be told apart. Give the routes of one file other ids, or drive "
-                "the files in two runs."
-            )
+            where = f" for {episode['agent']} under {episode['setting']}"
+            raise routes_of_one_id(label, episode["route_id"], where)
         of_route.append(episode)
     digests = document.get("fingerprint", {}).get("routes", {})
     prints = {agent: _fingerprint(document, agent) for agent, _ in found}

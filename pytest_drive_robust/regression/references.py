@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import blessed_snapshot, read_baseline
 from pytest_drive_robust.regression.document import read_document, snapshot_of
@@ -29,16 +30,20 @@ from pytest_drive_robust.store.whole_file import write_whole
 AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
 _RESERVED = (AUTO, "latest", "baseline")
-_HOME = ".drive-robust"
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
 
 
 def home_of(folder: Path) -> Path:
     """Return the nearest folder upwards that has stored runs or blessed baselines; `folder` itself where none has."""
     for candidate in (folder, *folder.parents):
-        if (candidate / _HOME).is_dir() or (candidate / "suites" / "baselines").is_dir():
+        if (candidate / DEFAULT_STORE).is_dir() or (candidate / "suites" / "baselines").is_dir():
             return candidate
     return folder
+
+
+def project_store() -> Path:
+    """Return where the project around the current folder keeps its episodes, unless its options say otherwise."""
+    return home_of(Path.cwd()) / DEFAULT_STORE
 
 
 def check_run_name(name: str, *, source: str) -> str:
@@ -65,7 +70,7 @@ class StoredRuns:
     @property
     def path(self) -> Path:
         """Where the files are."""
-        return self._home / _HOME / "runs"
+        return self._home / DEFAULT_STORE / "runs"
 
     def save(self, document: Mapping[str, Any], text_of: Any, *, name: str) -> Path:
         """Store a run under `name` (`AUTO` makes one up) with date and commit. One of that name is replaced whole.
@@ -73,7 +78,7 @@ class StoredRuns:
         `text_of` turns a document into text. The file appears when it is complete.
         """
         self.path.mkdir(parents=True, exist_ok=True)
-        hide_from_git(self._home / _HOME)  # baselines are what is committed
+        hide_from_git(self._home / DEFAULT_STORE)  # baselines are what is committed
         now, commit = clock.now(), git.commit(self._home)
         if name == AUTO:
             name = self._free(f"{now:%Y-%m-%d_%H-%M-%S}" + (f"_{commit}" if commit else ""))

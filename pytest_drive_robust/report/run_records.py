@@ -11,12 +11,11 @@ from typing import Any, TypeVar
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.errors import DriveRobustError, UsageError
-from pytest_drive_robust.options.run import DEFAULT_STORE
+from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.regression.document import episode_of
-from pytest_drive_robust.regression.references import home_of, read_run_document
+from pytest_drive_robust.regression.document import damaged, episode_of, routes_of_one_id
+from pytest_drive_robust.regression.references import project_store, read_run_document
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.base import Find
@@ -53,7 +52,7 @@ class RunRecords:
         document = read_run_document(reference)
         stored = document.get("stored")
         label = str(stored.get("name") or reference) if isinstance(stored, dict) else reference
-        find = stored_episodes(store or home_of(Path.cwd()) / DEFAULT_STORE)
+        find = stored_episodes(store or project_store())
         return cls.of(document, find, registry, label=label)
 
     @classmethod
@@ -72,10 +71,10 @@ class RunRecords:
             settings = dict.fromkeys(row["setting"] for row in document["summaries"])
             name = document["settings"]["simulator"]
         except (AttributeError, KeyError, TypeError, ValueError) as error:
-            raise UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.") from None
+            raise damaged(label, error) from None
         if len(results) < len(episodes):  # as of two files
             twice = next(episode for episode in episodes if episodes.count(episode) > 1)
-            raise _same_id(label, twice.route_id, f" for {twice.agent} under {twice.setting}")
+            raise routes_of_one_id(label, twice.route_id, f" for {twice.agent} under {twice.setting}")
         simulator = _found(lambda: registry.simulator(name), None)
         routes: dict[str, tuple[Route, ...]] = (
             {} if simulator is None else {spec: _found(partial(routes_for, spec, simulator), ()) for spec in specs}
@@ -83,7 +82,7 @@ class RunRecords:
         found: dict[str, Route] = {}
         for route in (route for spec in routes.values() for route in spec):
             if found.setdefault(route.id, route) != route and any(episode.route_id == route.id for episode in episodes):
-                raise _same_id(label, route.id)
+                raise routes_of_one_id(label, route.id)
         return cls(
             label=label,
             document=document,
@@ -103,14 +102,28 @@ class RunRecords:
         specs = (spec for spec, routes in self.routes.items() for route in routes if route.id == route_id)
         return next(specs, "") or next((str(row["routes_spec"]) for row in self.document["summaries"]), "")
 
+    @property
+    def mode(self) -> str:
+        """How its metrics were computed: `"bench2drive"` or `"fixed"`."""
+        return str(self.document["settings"]["metrics"])
+
+    @property
+    def alpha(self) -> float:
+        """How often a verdict from evidence was allowed to be wrong, each way; 0.05 where the run does not tell."""
+        return float(self.document["settings"].get("alpha", 0.05))
+
+    def baseline(self, setting: str) -> str:
+        """Return the sentence of the clean drive that a setting is compared with."""
+        return self.baselines.get(setting, str(Setting.CLEAN))
+
     def is_clean(self, setting: str) -> bool:
         """True for a setting that others are compared with."""
-        return self.baselines.get(setting, str(Setting.CLEAN)) == setting
+        return self.baseline(setting) == setting
 
     def twin(self, episode: Episode) -> EpisodeResult | None:
         """Return the clean episode that one under a setting is compared with; None for a clean one."""
-        baseline = self.baselines.get(episode.setting, str(Setting.CLEAN))
-        return None if self.is_clean(episode.setting) else self.results.get(replace(episode, setting=baseline))
+        baseline = self.baseline(episode.setting)
+        return None if baseline == episode.setting else self.results.get(replace(episode, setting=baseline))
 
     def of_setting(
         self, agent: str, setting: str, route_ids: Iterable[str], seeds: Sequence[int]
@@ -126,13 +139,6 @@ def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
     if stored is not None and (stored.end.value, stored.trace.digest) == (item["end"], item["trace_digest"]):
         return stored
     return episode_of(item)
-
-
-def _same_id(label: str, route_id: str, where: str = "") -> UsageError:
-    return UsageError(
-        f"the run {label!r} holds two routes with the id {route_id!r}{where}, so they cannot be told apart. Give the "
-        "routes of one file other ids, or drive the files in two runs."
-    )
 
 
 def stored_episodes(folder: Path) -> Find:

@@ -13,6 +13,7 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.regression.document import damaged
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.results.tables import columns_of
 from pytest_drive_robust.store.events import Judged
@@ -55,7 +56,7 @@ class Run:
                 for item in document.get("requirements", ())
             ]
         except (AttributeError, KeyError, TypeError) as error:
-            raise UsageError(f"the run {records.label!r} is damaged: {type(error).__name__}: {error}.") from None
+            raise damaged(records.label, error) from None
         versions = document.get("versions", {})
         episodes = tuple(records.results.values())
         return cls(records.label, document["settings"], versions, tuple(judged), episodes, records)

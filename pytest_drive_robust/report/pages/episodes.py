@@ -49,14 +49,13 @@ class EpisodeTable:
                 twin_number = self.numbers[run, twin.episode]
             self.numbers[run, episode] = len(self.rows)
             self.results.append(result)
-            mode = records.document["settings"]["metrics"]
             self.rows.append(
                 self._row(
                     result,
                     twin,
                     twin_number,
                     run=run,
-                    mode=mode,
+                    mode=records.mode,
                     key=records.keys[episode],
                     clean=records.is_clean(episode.setting),
                 )

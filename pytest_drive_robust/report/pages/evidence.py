@@ -39,15 +39,13 @@ def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str])
     if metric is None or not order:
         return []
     agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
-    mode = records.document["settings"]["metrics"]
-    baseline = records.baselines.get(setting, "clean")
     results = records.of_setting(agent, setting, order, seeds)
-    clean = records.of_setting(agent, baseline, order, seeds) if metric.needs_clean else []
+    clean = records.of_setting(agent, records.baseline(setting), order, seeds) if metric.needs_clean else []
     try:
-        values, references = metric.by_route(results, clean=clean, mode=mode)
+        values, references = metric.by_route(results, clean=clean, mode=records.mode)
     except (ComparisonError, ValueError):  # a trace that is not there gives no comfort
         return []
-    alpha = records.document["settings"].get("alpha", 0.05) if judged["rule"] == "evidence" else None
+    alpha = records.alpha if judged["rule"] == "evidence" else None
     return [
         [count, *_step(metric, values[:count], references[:count], judged, alpha)] for count in _counts(len(values))
     ]

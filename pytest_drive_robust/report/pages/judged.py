@@ -28,7 +28,7 @@ def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[s
     is_error = judged["verdict"] == "error"
     order = [] if is_error else reading_order(records, judged)
     metric = _metric(judged["metric"])
-    rule, alpha = judged.get("rule", ""), records.document["settings"].get("alpha", 0.05)
+    rule, alpha = judged.get("rule", ""), records.alpha
     lenient = None if metric is None else _lenient(records, judged, metric)
     return {
         **{name: judged[name] for name in _NAMES},
@@ -44,7 +44,7 @@ def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[s
         "lenient": lenient,
         "promise": _promise(judged, metric, lenient, alpha),
         "seeds": judged["seeds"],
-        "baseline": records.baselines.get(judged["setting"], "clean"),
+        "baseline": records.baseline(judged["setting"]),
         "order": order,
         "growth": growth(records, judged, order),
         "worst": [] if metric is None or is_error else _worst(records, table, judged, metric, order),
@@ -99,7 +99,6 @@ def _worst(
     The values are those of the metric by which a route is one of the worst, None where that is the driving score.
     """
     agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
-    mode = records.document["settings"]["metrics"]
     perturbed = _scored(records.of_setting(agent, setting, order, seeds))
     twins = [twin for result in perturbed if (twin := records.twin(result.episode)) is not None]
     clean = _scored(twins)
@@ -107,7 +106,8 @@ def _worst(
         places = {(twin.episode.route_id, twin.episode.seed) for twin in clean}
         perturbed = [item for item in perturbed if (item.episode.route_id, item.episode.seed) in places]
     passed = judged["verdict"] == "pass"
-    yardstick = None if passed else yardstick_of(metric, judged["comparison"], float(judged["limit"]), mode=mode)
+    limit, mode = float(judged["limit"]), records.mode
+    yardstick = None if passed else yardstick_of(metric, judged["comparison"], limit, mode=mode)
     numbers = {(item.episode.route_id, item.episode.seed): table.numbers[0, item.episode] for item in perturbed}
     return [
         [numbers[item.route_id, item.seed], bound(item.clean_value), bound(item.perturbed_value)]
@@ -124,7 +124,7 @@ def _broken(records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any],
     routes = {route.id for route in records.routes.get(judged["routes_spec"], ())}
     settings = {judged["setting"]}
     if metric is not None and metric.needs_clean:
-        settings.add(records.baselines.get(judged["setting"], "clean"))
+        settings.add(records.baseline(judged["setting"]))
     return [
         table.numbers[0, episode]
         for episode, result in records.results.items()

@@ -54,7 +54,7 @@ def run_data(
         },
         "rows": _rows(document["summaries"]),
         "requirements": [requirement_data(records, table, item) for item in document.get("requirements", ())],
-        "level": level_text("evidence", document["settings"].get("alpha", 0.05)),
+        "level": level_text("evidence", records.alpha),
         "routes": _routes(records, table),
         "clusters": _clusters(records, table, maps),
         "episodes": table.as_data(),
