@@ -8,13 +8,12 @@ from collections.abc import Sequence
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.metrics.episodes import require_scorable, values_by_route
+from pytest_drive_robust.metrics.episodes import require_scorable, route_and_seed, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 
 EpisodePair = tuple[EpisodeResult, EpisodeResult]
 """The clean and the perturbed episode of one (route, seed)."""
 
-_Key = tuple[str, int]
 _SHOWN = 5
 
 
@@ -59,29 +58,25 @@ def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) 
         settings = sorted({result.episode.setting for result in results})
         if len(settings) > 1:
             raise ComparisonError(f"the {name} set mixes settings: {'; '.join(settings)}. Expected one.")
-        repeated = [key for key, count in Counter(map(_key, results)).items() if count > 1]
+        repeated = [key for key, count in Counter(map(route_and_seed, results)).items() if count > 1]
         if repeated:
             raise ComparisonError(
                 f"the {name} set holds more than one episode of {_listed(repeated)}. Expected each (route, seed) once."
             )
     _require_same_pairs(clean, perturbed)
     _require_same_world([*clean, *perturbed])
-    twins = {_key(result): result for result in perturbed}
-    return tuple((result, twins[_key(result)]) for result in clean)
+    twins = {route_and_seed(result): result for result in perturbed}
+    return tuple((result, twins[route_and_seed(result)]) for result in clean)
 
 
-def _key(result: EpisodeResult) -> _Key:
-    return result.episode.route_id, result.episode.seed
-
-
-def _listed(keys: Sequence[_Key]) -> str:
+def _listed(keys: Sequence[tuple[str, int]]) -> str:
     shown = ", ".join(f"(route {route}, seed {seed})" for route, seed in sorted(keys)[:_SHOWN])
     more = len(keys) - _SHOWN
     return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _require_same_pairs(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> None:
-    clean_keys, perturbed_keys = set(map(_key, clean)), set(map(_key, perturbed))
+    clean_keys, perturbed_keys = set(map(route_and_seed, clean)), set(map(route_and_seed, perturbed))
     if clean_keys == perturbed_keys:
         return
     parts = [

@@ -35,6 +35,11 @@ def require_scorable(results: Sequence[EpisodeResult]) -> None:
         )
 
 
+def route_and_seed(result: EpisodeResult) -> tuple[str, int]:
+    """Return what pairs an episode with its clean twin."""
+    return result.episode.route_id, result.episode.seed
+
+
 def values_by_route(
     results: Sequence[EpisodeResult], value_of: Callable[[EpisodeResult], float | None]
 ) -> dict[str, float]:

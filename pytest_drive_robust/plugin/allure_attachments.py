@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command, worst_episode
 from pytest_drive_robust.report.plots import scores_svg, speeds_svg
@@ -31,8 +32,7 @@ def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, 
     verdict, worst = judgement.verdict, judgement.verdict.worst[0]
     place = (worst.route_id, worst.seed)
     clean, perturbed = (
-        {(result.episode.route_id, result.episode.seed): result for result in results}
-        for results in (judgement.clean, judgement.perturbed)
+        {route_and_seed(result): result for result in results} for results in (judgement.clean, judgement.perturbed)
     )
     if clean:
         put(scores_svg(judgement.clean, judgement.perturbed), "driving scores", kinds.SVG)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
 
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
@@ -17,11 +18,11 @@ Points = Sequence[tuple[float, float]]
 
 def scores_svg(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> str:
     """Return the driving score of each episode under a failure over that of its clean twin."""
-    twins = {(result.episode.route_id, result.episode.seed): driving_score(result) for result in clean}
+    twins = {route_and_seed(result): driving_score(result) for result in clean}
     pairs = [
-        (twins[result.episode.route_id, result.episode.seed], driving_score(result), result.episode.route_id)
+        (twins[route_and_seed(result)], driving_score(result), result.episode.route_id)
         for result in perturbed
-        if (result.episode.route_id, result.episode.seed) in twins
+        if route_and_seed(result) in twins
     ]
     marks = [_path([(0.0, 0.0), (100.0, 100.0)], (100.0, 100.0), "#bbb")]
     for x, y, route_id in pairs:

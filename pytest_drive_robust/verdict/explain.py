@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
 
 _DISTANCE_M = 0.5
@@ -107,30 +108,28 @@ def worst_routes(
     out (every perturbed episode must have its twin); otherwise by the lowest driving score, full scores left out. Ties
     go by route and seed, so that the order is always the same.
     """
-    twins = {_place(result): result for result in clean}
+    twins = {route_and_seed(result): result for result in clean}
 
     def lost(result: EpisodeResult) -> float:
-        return (driving_score(twins[_place(result)]) if relative else 100.0) - driving_score(result)
+        return (driving_score(twins[route_and_seed(result)]) if relative else 100.0) - driving_score(result)
 
     value = yardstick.value if yardstick is not None else None
     worst = _furthest(perturbed, yardstick.excess) if yardstick is not None else []
     if not worst:
         value, worst = None, _furthest(perturbed, lost)
-    return tuple(_explain(result, twins.get(_place(result)), value) for result in worst[:count])
+    return tuple(_explain(result, twins.get(route_and_seed(result)), value) for result in worst[:count])
 
 
 def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult], float]) -> list[EpisodeResult]:
     """Return the episodes with an excess above 0, the largest first, one of each route."""
-    ranked = sorted(((-excess(result), *_place(result), result) for result in results), key=lambda entry: entry[:3])
+    ranked = sorted(
+        ((-excess(result), *route_and_seed(result), result) for result in results), key=lambda entry: entry[:3]
+    )
     worst: dict[str, EpisodeResult] = {}
     for distance, route_id, _, result in ranked:
         if distance < 0.0:
             worst.setdefault(route_id, result)
     return list(worst.values())
-
-
-def _place(result: EpisodeResult) -> tuple[str, int]:
-    return result.episode.route_id, result.episode.seed
 
 
 def describe_outcome(result: EpisodeResult) -> str:

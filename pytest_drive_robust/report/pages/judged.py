@@ -9,6 +9,7 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.report.numbers import OPEN
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
@@ -103,12 +104,12 @@ def _worst(
     twins = [twin for result in perturbed if (twin := records.twin(result.episode)) is not None]
     clean = _scored(twins)
     if metric.needs_clean:
-        places = {(twin.episode.route_id, twin.episode.seed) for twin in clean}
-        perturbed = [item for item in perturbed if (item.episode.route_id, item.episode.seed) in places]
+        places = set(map(route_and_seed, clean))
+        perturbed = [item for item in perturbed if route_and_seed(item) in places]
     passed = judged["verdict"] == "pass"
     limit, mode = float(judged["limit"]), records.mode
     yardstick = None if passed else yardstick_of(metric, judged["comparison"], limit, mode=mode)
-    numbers = {(item.episode.route_id, item.episode.seed): table.numbers[0, item.episode] for item in perturbed}
+    numbers = {route_and_seed(item): table.numbers[0, item.episode] for item in perturbed}
     return [
         [numbers[item.route_id, item.seed], bound(item.clean_value), bound(item.perturbed_value)]
         for item in worst_routes(clean, perturbed, relative=metric.needs_clean, yardstick=yardstick)
