@@ -31,6 +31,7 @@ __all__ = [
     "SimulationError",
     "UnknownNameError",
     "UsageError",
+    "did_you_mean",
     "nearest",
 ]
 
@@ -54,10 +55,7 @@ class UnknownNameError(UsageError):
     def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
         """Return the error for a name that was not found among `known`, with the nearest one."""
         names = sorted(known)
-        close = nearest(given, names)
-        message = f"there is no {what} named {given!r}."
-        if close is not None:
-            message += f" Did you mean {close!r}?"
+        message = f"there is no {what} named {given!r}.{did_you_mean(given, names)}"
         more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
         message += f" Known: {', '.join(names[:_MOST_NAMES]) or 'none'}{more}."
         return cls(f"{message} {hint}".rstrip())
@@ -102,3 +100,9 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
     lowered = {name.lower(): name for name in known}
     found = difflib.get_close_matches(given.lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None
+
+
+def did_you_mean(given: str, known: Iterable[str]) -> str:
+    """Return `" Did you mean 'expert'?"`, to be put behind a sentence; nothing when no known name is close."""
+    close = nearest(given, known)
+    return "" if close is None else f" Did you mean {close!r}?"

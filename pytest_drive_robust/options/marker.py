@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import UsageError, nearest
+from pytest_drive_robust.errors import UsageError, did_you_mean
 from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.perturbations.readings import DriveReading
 
@@ -64,8 +64,7 @@ class MarkerOptions:
             )
         for name in mark.kwargs:
             if name not in names:
-                close = nearest(name, names)
-                hint = f" Did you mean {close!r}?" if close else ""
+                hint = did_you_mean(name, names)
                 raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
         texts = {name: _text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict", "reading")}
         options = cls(**texts, seeds=_seeds(mark.kwargs.get("seeds")), margin=mark.kwargs.get("margin"))

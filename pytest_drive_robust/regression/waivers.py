@@ -27,7 +27,7 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
+from pytest_drive_robust.errors import UnknownNameError, UsageError, did_you_mean, nearest
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.store.events import Judged
@@ -126,8 +126,7 @@ def _matching_nothing(waiver: Waiver, judged: Sequence[Judged]) -> str:
     known = [name.partition(":")[0] for name, _ in default_registry().names("agents")]
     if not judged or ":" in waiver.agent or any(_matches(waiver.agent, name) for name in known):
         return ""
-    close = nearest(waiver.agent, [*known, *(item.agent for item in judged)])
-    hint = f" Did you mean {close!r}?" if close else ""
+    hint = did_you_mean(waiver.agent, [*known, *(item.agent for item in judged)])
     return f"warning: this waiver matches no agent: {waiver}.{hint}"
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, NoReturn
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import RequirementError, nearest
+from pytest_drive_robust.errors import RequirementError, did_you_mean
 from pytest_drive_robust.metrics.table import METRICS, Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
@@ -43,8 +43,7 @@ def known_metric(name: str) -> Metric:
         return METRICS[name]
     names = metric_names()
     if name not in names:
-        close = nearest(name, names)
-        hint = f" Did you mean {close!r}?" if close else ""
+        hint = did_you_mean(name, names)
         raise RequirementError(f"there is no metric named {name!r}.{hint} Expected one of {', '.join(names)}.")
     return Metric.from_function(name, default_registry().metric(name))
 
@@ -130,7 +129,7 @@ class Requirement:
 
     def is_met_by(self, value: float) -> bool:
         """Return True when `value` is on the right side of the limit or equal to it, but for rounding."""
-        rounding = _ROUNDING * self._range
+        rounding = _ROUNDING * span_of(self.metric)
         return value <= self.limit + rounding if self.comparison == "<=" else value >= self.limit - rounding
 
     def reads_routes(self, verdict_rule: VerdictRule) -> bool:
@@ -156,12 +155,9 @@ class Requirement:
         """Return what so many routes can show of it, by the usual noise; `"fine"` where no evidence is asked for."""
         if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
             return Advice("fine", "")
-        noise, margin = USUAL_NOISE * self._range, verdict_rule.margin * self._range
-        return advise(routes, margin, noise, what=self.metric.name, scale=self._range, alpha=verdict_rule.alpha)
-
-    @property
-    def _range(self) -> float:
-        return span_of(self.metric)
+        span = span_of(self.metric)
+        noise, margin = USUAL_NOISE * span, verdict_rule.margin * span
+        return advise(routes, margin, noise, what=self.metric.name, scale=span, alpha=verdict_rule.alpha)
 
 
 def span_of(metric: Metric) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from textwrap import indent
 
-from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
+from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
 from pytest_drive_robust.registry.registry import default_registry
@@ -174,8 +174,7 @@ def _ladder(words: str, known: Known) -> Ladder:
     by_word = {failure_word(cls).lower(): cls for cls in known.values()}
     cls = by_word.get(" ".join(words.lower().split()))
     if cls is None:
-        close = nearest(words, by_word)
-        hint = f" Did you mean {close!r}?" if close else ""
+        hint = did_you_mean(words, by_word)
         raise RequirementError(
             f"there is no failure called {words!r}.{hint} Expected one of {', '.join(sorted(by_word))}."
         )
