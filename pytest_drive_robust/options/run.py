@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.metrics.episodes import MODES
 from pytest_drive_robust.options.option import GivenText, OptionSource, option, read_fields, was_given
 from pytest_drive_robust.options.parsers import (
     one_of,
@@ -55,7 +56,7 @@ class RunOptions:
     seeds: tuple[int, ...] = option("--drive-seeds", parse=seed_list)
     simulator: str = option("--drive-sim")
     reading: str = option("--drive-reading", parse=one_of(READINGS, "reading"))
-    metrics: str = option("--drive-metrics", parse=one_of(("bench2drive", "fixed"), "metric mode"))
+    metrics: str = option("--drive-metrics", parse=one_of(MODES, "metric mode"))
     verdict_rule: VerdictRule = option("--drive-verdict", "--drive-margin", "--drive-alpha", parse=_verdict_rule)
     inconclusive: str = option(
         "--drive-inconclusive", parse=one_of(("warn", "fail", "skip"), "way to treat inconclusive verdicts")

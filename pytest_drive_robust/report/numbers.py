@@ -9,8 +9,8 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) n
 _SHARES = ("RD", "SR")
 _SHORT_S = 15.0
 _ROUNDING = 1e-9
-_MOST_DECIMALS = 9
 """Less than that is rounding to every rule."""
+_MOST_DECIMALS = 9
 
 
 def shown(metric: str, value: float | None) -> str:
