@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from pytest_drive_robust.cli.references import add_baselines, references_of
+from pytest_drive_robust.cli.references import add_baselines, add_run, references_of
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import Blessing, bless
 
@@ -19,7 +19,7 @@ versions: bless them on the kind of machine on which they are compared."""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `bless`."""
     parser.description = _DESCRIPTION
-    parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
+    add_run(parser)
     parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
     parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")
     parser.add_argument(

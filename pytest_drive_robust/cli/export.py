@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.export import CARLA_FOLDER, export_run
+from pytest_drive_robust.cli.references import add_run
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
@@ -37,7 +38,7 @@ official evaluator. parquet, mcap and rrd need libraries: pip install 'pytest-dr
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
     parser.description = _DESCRIPTION
-    parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
+    add_run(parser)
     parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; bench2drive needs a new one")
     parser.add_argument(
         "--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}; default: {_OFFICIAL}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from pytest_drive_robust.cli.references import A_RUN
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
@@ -12,6 +13,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, kept_requirements, propose_limits
 from pytest_drive_robust.regression.references import read_run_document
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
@@ -31,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--run",
         default="latest",
         metavar="RUN",
-        help="a stored run, latest, or the JSON file of a run; default: latest",
+        help=f"{A_RUN}; default: latest",
     )
     parser.add_argument("--out", metavar="FILE", help="a new file; default: limits-AGENT.txt")
     parser.set_defaults(command=_limits)
@@ -60,10 +62,10 @@ def _limits(options: argparse.Namespace) -> int:
     say(f"{path}: {len(found)} limits{also}. Review them, then commit the file.")
     fewest = min(item.routes for item in found)
     if fewest < _FEW_ROUTES:
-        routes = "route" if fewest == 1 else "routes"
         say(
-            f"warning: {fewest} {routes} show little of an agent, and another {fewest} would give other limits. Drive "
-            "those that the gate will drive, as with --drive-routes one-per-scenario (44), and propose again."
+            f"warning: {counted(fewest, 'route')} show little of an agent, and another {fewest} would give other "
+            "limits. Drive those that the gate will drive, as with --drive-routes one-per-scenario (44), and propose "
+            "again."
         )
     return 0
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from pytest_drive_robust.cli.routes import print_sets
-from pytest_drive_robust.cli.tables import print_table, say
+from pytest_drive_robust.cli.tables import LEFT, print_table, say
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import KINDS, default_registry
 
@@ -25,7 +25,7 @@ def _list(options: argparse.Namespace) -> int:
         if kind == "routes":
             print_sets()
         else:
-            print_table({"name": "left", "origin": "left"}, default_registry().names(kind), title=kind)
+            print_table({"name": LEFT, "origin": LEFT}, default_registry().names(kind), title=kind)
         if kind == "perturbations":
             default_registry().perturbations()
             for problem in default_registry().problems():

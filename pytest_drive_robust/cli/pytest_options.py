@@ -13,8 +13,3 @@ def add_pytest_option(parser: argparse.ArgumentParser, flag: str, *, help: str =
     default = f" (default: {option.default})" if option.default else ""
     text = f"{help or option.help}{default}".replace("%", "%%")  # argparse formats it
     parser.add_argument(flag, default=option.default, metavar=option.metavar, help=text)
-
-
-def default_of(flag: str) -> str:
-    """Return the default of an option of pytest: `default_of("--drive-routes")`."""
-    return OPTIONS[flag].default

@@ -8,6 +8,14 @@ from pathlib import Path
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.regression.references import References, home_of
 
+A_RUN = "a stored run, latest, or the JSON file of a run"
+"""What people may type where a command takes a run."""
+
+
+def add_run(parser: argparse.ArgumentParser) -> None:
+    """Add the argument `RUN`."""
+    parser.add_argument("run", metavar="RUN", help=A_RUN)
+
 
 def add_baselines(parser: argparse.ArgumentParser) -> None:
     """Add `--baselines`, which `references_of` reads."""

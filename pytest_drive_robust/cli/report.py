@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.cli.references import add_baselines, references_of
+from pytest_drive_robust.cli.references import add_baselines, add_run, references_of
 from pytest_drive_robust.cli.store import existing_store
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
@@ -29,7 +29,7 @@ are listed, but cannot be replayed."""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `report`."""
     parser.description = _DESCRIPTION
-    parser.add_argument("run", metavar="RUN", help="a stored run, latest, or the JSON file of a run")
+    add_run(parser)
     parser.add_argument("--against", metavar="BASE", help="compare with: a run, or baseline or baseline:AGENT")
     add_pytest_option(parser, "--on-mismatch")
     parser.add_argument("--out", metavar="DIR", default="drive-report", help="a folder; default: drive-report")

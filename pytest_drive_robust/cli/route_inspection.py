@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from pytest_drive_robust.cli.tables import print_table
+from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
@@ -34,15 +34,7 @@ def check_routes(spec: str, routes: Sequence[Route]) -> int:
         )  # fmt: skip
     if rows:
         print_table(
-            {
-                "id": "right",
-                "scenario": "left",
-                "town": "left",
-                "m": "right",
-                "at": "right",
-                "road": "left",
-                "the file says": "left",
-            },
+            {"id": RIGHT, "scenario": LEFT, "town": LEFT, "m": RIGHT, "at": RIGHT, "road": LEFT, "the file says": LEFT},
             rows,
             title=f"{spec}: {len(rows)} of {len(routes)} routes can be driven",
         )

@@ -6,14 +6,13 @@ import argparse
 from itertools import pairwise
 from math import hypot
 
-from pytest_drive_robust.cli.pytest_options import default_of
-from pytest_drive_robust.cli.tables import print_table
+from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.options.run import DEFAULT_ROUTES
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names, set_summary
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import resolve_routes
-
-_DEFAULT_SET = default_of("--drive-routes")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -30,7 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     draw.add_argument("--columns", type=int, default=None, metavar="N", help="default: 8, with cameras 3")
     draw.add_argument("--seed", type=int, default=0, help="default: 0")
     draw.set_defaults(command=_draw)
-    text = f"a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id; default: {_DEFAULT_SET}"
+    text = f"a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id; default: {DEFAULT_ROUTES}"
     for command in (listing, check, draw):
         command.add_argument("routes", nargs="?", metavar="SET", help=text)
     draw.add_argument("ids", nargs="*", metavar="ID", help="only these of them")
@@ -39,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def print_sets() -> None:
     """Print every named set with the number of its routes and what it holds."""
     rows = [(name, str(len(named_routes(name))), set_summary(name)) for name in set_names()]
-    print_table({"set": "left", "routes": "right", "what it holds": "left"}, rows, title="routes")
+    print_table({"set": LEFT, "routes": RIGHT, "what it holds": LEFT}, rows, title="routes")
     print("drive-robust routes list SET shows them, drive-robust routes draw SET draws them.")
 
 
@@ -50,9 +49,9 @@ def _list(options: argparse.Namespace) -> int:
         for route in routes
     ]
     print_table(
-        {"id": "right", "scenario": "left", "town": "left", "metres": "right", "weather": "left"},
+        {"id": RIGHT, "scenario": LEFT, "town": LEFT, "metres": RIGHT, "weather": LEFT},
         rows,
-        title=f"{spec}: {len(routes)} route{'s' * (len(routes) != 1)}",
+        title=f"{spec}: {counted(len(routes), 'route')}",
     )
     return 0
 
@@ -71,7 +70,7 @@ def _draw(options: argparse.Namespace) -> int:
 
 
 def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
-    spec = options.routes or _DEFAULT_SET
+    spec = options.routes or DEFAULT_ROUTES
     ids = getattr(options, "ids", ())
     if ids:
         spec = f"{spec}:{','.join(ids)}"

@@ -15,6 +15,7 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.story import StoryEvent
 from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.replay.recording import Tape, TapeTick, main_camera
 
 _FRESH_S = 1.5
@@ -122,7 +123,7 @@ class EpisodePane:
         if over:
             lines.append((result.end_detail, c.GOOD if result.outcome is Outcome.COMPLETED else c.WRONG))
         elif len(happened) > 1:
-            lines.insert(0, (f"{len(happened) - 1} infraction{'s' * (len(happened) > 2)} before", c.WRONG))
+            lines.insert(0, (f"{counted(len(happened) - 1, 'infraction')} before", c.WRONG))
         y = box.y
         for number, (words, colour) in enumerate(lines):
             newest = number == len(lines) - 1
