@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
@@ -15,7 +14,7 @@ from pytest_drive_robust.options.parsers import one_of, writable_file
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
-from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
+from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import comparison_as_json, json_text
 from pytest_drive_robust.store.whole_file import write_whole
@@ -55,7 +54,7 @@ def _compare(options: argparse.Namespace) -> int:
     terms = Terms(
         allowances=parse_allowances(options.fail_on, source="--fail-on"),
         kind=_known_rule(GivenText("--verdict", options.verdict)),
-        policy=cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch))),
+        policy=parse_policy(GivenText("--on-mismatch", options.on_mismatch)),
     )
     path = writable_file(GivenText("--json", options.json))
     references = references_of(options)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import cast
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, add_run, references_of
@@ -16,7 +15,7 @@ from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
-from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
+from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.regression.references import project_store
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
@@ -49,7 +48,7 @@ def _report(options: argparse.Namespace) -> int:
         after = snapshot_of(records.document, label=records.label)
         references = references_of(options)
         snapshot = references.load(options.against, simulator=after.simulator)
-        policy = cast("MismatchPolicy", parse_policy(GivenText("--on-mismatch", options.on_mismatch)))
+        policy = parse_policy(GivenText("--on-mismatch", options.on_mismatch))
         comparison = compare(snapshot, after, Terms(policy=policy))
         other = references.document(options.against)
         if other is not None:

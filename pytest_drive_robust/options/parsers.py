@@ -7,23 +7,26 @@ import os
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import TypeVar
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.option import GivenText, asked_for
 
+Name = TypeVar("Name", bound=str)
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
 _SEEDS_END = 1 << 53
 """From here on a record takes no whole number: JSON readers tell them no more apart."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
-def one_of(names: tuple[str, ...], what: str) -> Callable[[GivenText], str]:
+def one_of(names: tuple[Name, ...], what: str) -> Callable[[GivenText], Name]:
     """Return a parser of one of the names; `what` is what people call them: `"metric mode"`."""
 
-    def parse(given: GivenText) -> str:
-        if given.text not in names:
-            raise UnknownNameError.of(what, given.text, names, hint=f"Set it with {given.flag}.")
-        return given.text
+    def parse(given: GivenText) -> Name:
+        for name in names:
+            if name == given.text:
+                return name
+        raise UnknownNameError.of(what, given.text, names, hint=f"Set it with {given.flag}.")
 
     return parse
 

@@ -14,17 +14,18 @@ agent       its distribution, source or weights: that is what is compared   tell
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from pytest_drive_robust.domain.result import MACHINE_FACTS
+from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import one_of
 
 MismatchPolicy = Literal["default", "warn", "refuse"]
 Kind = Literal["simulator", "routes", "versions", "agent"]
 
-parse_policy = one_of(get_args(MismatchPolicy), "policy for mismatches")
+parse_policy: Callable[[GivenText], MismatchPolicy] = one_of(get_args(MismatchPolicy), "policy for mismatches")
 """Returns the policy that an option names."""
 
 _NOT_NUMBERS = frozenset({"pytest", "pytest-drive-robust"})

@@ -12,13 +12,13 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean, stdev
-from typing import Any, cast
+from typing import Any
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
-from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
+from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 from pytest_drive_robust.stats.resolution import told_apart
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -128,9 +128,9 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:
     """Return whether the scores (this setting, clean) of all routes pass the requirement, one route after the other."""
     rule = rule.for_routes(len(pairs))
-    kind, forms = cast("VerdictKind", rule.kind), requirement.linear_forms(rule)
     floor = rule.clean_floor if requirement.needs_clean else 0.0
-    judge = judge_by(kind, forms, planned=len(pairs), alpha=rule.alpha, floor=floor)
+    forms = requirement.linear_forms(rule)
+    judge = judge_by(rule.kind, forms, planned=len(pairs), alpha=rule.alpha, floor=floor)
     return read_until_decided(judge, pairs)[0] == "pass"
 
 

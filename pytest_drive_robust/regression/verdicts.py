@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import fsum
 from statistics import fmean
-from typing import cast
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.regression.allowance import Allowance
@@ -25,7 +24,7 @@ from pytest_drive_robust.stats.evidence import (
     unseen_p,
 )
 from pytest_drive_robust.stats.intervals import jackknife_interval
-from pytest_drive_robust.stats.judges import VerdictKind, judge_by, read_until_decided
+from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 
 _Sums = tuple[float, float, float, float]
 
@@ -103,7 +102,7 @@ MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
 
 
-def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> VerdictKind:
+def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> str:
     """Return the rule for so many common routes: `"auto"` is evidence from 20 routes on, the list below, as in a run.
 
     Other seeds are another list: nothing about the old one follows from them, so they are evidence in any number. The
@@ -113,12 +112,10 @@ def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> Verdi
         return "evidence"
     if kind == "auto" and not changed:
         return "list"
-    return cast("VerdictKind", VerdictRule(kind).for_routes(routes).kind)
+    return VerdictRule(kind).for_routes(routes).kind
 
 
-def judge_drop(
-    pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: VerdictKind = "evidence"
-) -> Decision:
+def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: str = "evidence") -> Decision:
     """Judge whether DS or SR dropped by more than allowed. `pairs` are (before, after) of each route in planned order.
 
     `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most 1
@@ -128,7 +125,7 @@ def judge_drop(
     return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 
 
-def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind = "evidence") -> Decision:
+def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str = "evidence") -> Decision:
     """Judge whether RD rose by more than allowed. By evidence that is inconclusive below 20 routes.
 
     Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
@@ -145,7 +142,7 @@ def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: Verdict
     return "inconclusive" if unsure and decision == "pass" else decision
 
 
-def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: VerdictKind) -> Decision:
+def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) -> Decision:
     """Judge as `judge_rise` does, without its floor."""
     clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
     if clean_before <= 0.0 or clean_after <= 0.0:

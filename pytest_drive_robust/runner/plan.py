@@ -7,14 +7,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain
-from typing import Any, cast
+from typing import Any
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, perturbation_sources
-from pytest_drive_robust.stats.judges import Judge, VerdictKind, judge_by
+from pytest_drive_robust.stats.judges import Judge, judge_by
 from pytest_drive_robust.verdict.requirement import Requirement
 
 _FIRST = 3
@@ -73,7 +73,7 @@ class Scope:
         """Return what a verdict on `requirement` by `verdict_rule` reads, in planned order; None compares values."""
         need = self.need(requirement.setting, clean=requirement.needs_clean)
         verdict_rule = (verdict_rule or VerdictRule("point")).for_routes(len(self.routes))
-        kind = cast("VerdictKind", verdict_rule.kind) if requirement.reads_routes(verdict_rule) else "point"
+        kind = verdict_rule.kind if requirement.reads_routes(verdict_rule) else "point"
         return VerdictPlan(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
 
     @property
@@ -118,7 +118,7 @@ class VerdictPlan:
     scope: Scope
     need: RouteRequests
     routes: tuple[RouteRequests, ...]
-    kind: VerdictKind
+    kind: str
     verdict_rule: VerdictRule
 
     def judge(self) -> Judge:
@@ -144,6 +144,11 @@ class VerdictPlan:
     def likely(self) -> tuple[EpisodeRequest, ...]:
         """Return what the verdict probably takes."""
         return self.requests(0, self.likely_routes)
+
+
+def keys_of(requests: Iterable[EpisodeRequest]) -> tuple[str, ...]:
+    """Return their keys, in their order."""
+    return tuple(request.key for request in requests)
 
 
 def first_of_each_agent(verdict_plans: Iterable[VerdictPlan]) -> tuple[EpisodeRequest, ...]:

@@ -16,7 +16,6 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from typing import Literal, get_args
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import (
@@ -31,7 +30,7 @@ from pytest_drive_robust.stats.evidence import (
     share_of,
 )
 
-VerdictKind = Literal["evidence", "list", "point"]
+_NAMES = ("evidence", "list", "point")
 
 _ROUNDING = 1e-9
 """A sum of holds this close to 0, per route and as a share of the range, is 0: equal to the limit passes."""
@@ -247,7 +246,7 @@ class ListJudge(Judge):
 
 
 def judge_by(
-    kind: VerdictKind,
+    kind: str,
     forms: LinearForms,
     *,
     planned: int,
@@ -267,7 +266,7 @@ def judge_by(
         return ListJudge(forms, planned=planned, alpha=alpha, floor=floor)
     if kind == "point":
         return PointJudge(forms)
-    raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(get_args(VerdictKind))}.")
+    raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(_NAMES)}.")
 
 
 def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None]) -> tuple[Decision, int]:
