@@ -11,7 +11,14 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.executors import Executor
-from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan, first_of_each_agent
+from pytest_drive_robust.runner.plan import (
+    EpisodeRequest,
+    RouteRequests,
+    Scope,
+    VerdictPlan,
+    first_of_each_agent,
+    keys_of,
+)
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
 from pytest_drive_robust.runner.verdict_events import episodes_needed, judged, not_judged, verdict_planned
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
@@ -176,10 +183,10 @@ class Campaign:
         rest = plan.requests(count)
         if self._whole:
             self.scheduler.ensure(rest)
-            self.observer(Used(tuple(request.key for request in rest)))
+            self.observer(Used(keys_of(rest)))
         elif rest:
             self.scheduler.spare(rest)
-            self.observer(Spared(tuple(request.key for request in rest)))
+            self.observer(Spared(keys_of(rest)))
         return decision, count
 
     def _scores(
@@ -204,7 +211,7 @@ class Campaign:
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
         """Return the results of these requests, which the run now rests on."""
         if requests:
-            self.observer(Used(tuple(request.key for request in requests)))
+            self.observer(Used(keys_of(requests)))
         return self._finished(requests)
 
     def _finished(self, requests: tuple[EpisodeRequest, ...]) -> Results:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.plan import EpisodeRequest, RouteRequests, Scope, VerdictPlan
+from pytest_drive_robust.runner.plan import RouteRequests, Scope, VerdictPlan, keys_of
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Searched, VerdictPlanned
 from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket
@@ -14,7 +14,7 @@ from pytest_drive_robust.verdict.requirement import Requirement
 
 def episodes_needed(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[EpisodesNeeded, ...]:
     """Return what is asked for: the setting, and its clean twins as a setting of their own."""
-    clean, own = _keys(need.clean), _keys(need.perturbed)
+    clean, own = keys_of(need.clean), keys_of(need.perturbed)
     twins = () if clean == own else clean
     baseline = (EpisodesNeeded(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
     return (*baseline, EpisodesNeeded(**scope.named, setting=str(setting), keys=own, clean_keys=twins))
@@ -29,9 +29,9 @@ def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
         setting=str(setting),
         rule=plan.kind,
         likely=plan.likely_routes,
-        keys=_keys(ordered.perturbed),
+        keys=keys_of(ordered.perturbed),
         clean=str(setting.baseline) if ordered.clean else "",
-        clean_keys=_keys(ordered.clean),
+        clean_keys=keys_of(ordered.clean),
     )
 
 
@@ -83,7 +83,3 @@ def searched(bracket: Bracket, scope: Scope, nodeid: str) -> Searched:
         breaks=bracket.breaks,
         undecided=bracket.undecided,
     )
-
-
-def _keys(requests: tuple[EpisodeRequest, ...]) -> tuple[str, ...]:
-    return tuple(request.key for request in requests)
