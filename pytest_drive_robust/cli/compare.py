@@ -14,9 +14,10 @@ from pytest_drive_robust.options.parsers import one_of, writable_file
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
+from pytest_drive_robust.regression.document import json_text
 from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.report.comparison import comparison_text
-from pytest_drive_robust.report.json_file import comparison_as_json, json_text
+from pytest_drive_robust.report.json_file import comparison_as_json
 from pytest_drive_robust.store.whole_file import write_whole
 
 _known_rule = one_of(VERDICT_KINDS, "verdict rule")

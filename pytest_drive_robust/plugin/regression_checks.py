@@ -15,7 +15,7 @@ from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
-from pytest_drive_robust.report.json_file import json_text, run_as_json
+from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.scopes import Scopes
@@ -100,7 +100,7 @@ class RegressionChecks:
             self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
             return True
         try:
-            path = self._references.runs.save(document, json_text, name=name)
+            path = self._references.runs.save(document, name=name)
         except OSError as error:
             self._lines.append(f"ERROR: the run was not stored: {error}")
             return True

@@ -1,4 +1,4 @@
-"""From a run's JSON document to a snapshot."""
+"""A run's JSON document: as text, read again, as a snapshot."""
 
 from __future__ import annotations
 
@@ -25,6 +25,11 @@ _NOT_YET_TOLD: Mapping[str, Any] = {
     "versions": {},
 }
 """What runs lack that were saved before these were told."""
+
+
+def json_text(document: Mapping[str, object]) -> str:
+    """Return a document as the text of a file. Raises `ValueError` for a number that JSON has not."""
+    return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def read_document(path: Path) -> dict[str, Any]:

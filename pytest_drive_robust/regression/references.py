@@ -22,7 +22,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import blessed_snapshot, read_baseline
-from pytest_drive_robust.regression.document import read_document, snapshot_of
+from pytest_drive_robust.regression.document import json_text, read_document, snapshot_of
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.store.record_files import hide_from_git
 from pytest_drive_robust.store.whole_file import write_whole
@@ -72,10 +72,10 @@ class StoredRuns:
         """Where the files are."""
         return self._home / DEFAULT_STORE / "runs"
 
-    def save(self, document: Mapping[str, Any], text_of: Any, *, name: str) -> Path:
+    def save(self, document: Mapping[str, Any], *, name: str) -> Path:
         """Store a run under `name` (`AUTO` makes one up) with date and commit. One of that name is replaced whole.
 
-        `text_of` turns a document into text. The file appears when it is complete.
+        The file appears when it is complete.
         """
         self.path.mkdir(parents=True, exist_ok=True)
         hide_from_git(self._home / DEFAULT_STORE)  # baselines are what is committed
@@ -84,7 +84,7 @@ class StoredRuns:
             name = self._free(f"{now:%Y-%m-%d_%H-%M-%S}" + (f"_{commit}" if commit else ""))
         path = self.path / f"{name}.json"
         stored = {"name": name, "date": now.isoformat(), "commit": commit or None}
-        write_whole(path, text_of({**document, "stored": stored}))
+        write_whole(path, json_text({**document, "stored": stored}))
         return path
 
     def names(self) -> list[str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -12,6 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
+from pytest_drive_robust.regression.document import json_text
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.store.episode_fields import fields_of
@@ -28,11 +28,6 @@ def write_json(path: Path, run: RunResult, comparison: Comparison | None = None)
     if comparison is not None:
         document["comparison"] = comparison_as_json(comparison)
     write_whole(path, json_text(document))
-
-
-def json_text(document: Mapping[str, object]) -> str:
-    """Return the document as the text of a file."""
-    return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def run_as_json(run: RunResult) -> dict[str, object]:

@@ -10,7 +10,7 @@ from result_factory import crashed_simulation, scored
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.references import StoredRuns
-from pytest_drive_robust.report.json_file import json_text, run_as_json
+from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.events import EpisodesNeeded, Event, Identified, Spared, Used
 
@@ -45,4 +45,4 @@ def document(
 
 def store_run(name: str, **given: object) -> Path:
     """Store `document` of the other arguments as `name` below the current folder; return its file."""
-    return StoredRuns(Path.cwd()).save(document(**given), json_text, name=name)  # type: ignore[arg-type]
+    return StoredRuns(Path.cwd()).save(document(**given), name=name)  # type: ignore[arg-type]

@@ -24,7 +24,8 @@ from pytest_drive_robust.domain.result import EpisodeResult, Injection, Receptio
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.summary import summarize
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.report.json_file import json_text, run_as_json
+from pytest_drive_robust.regression.document import json_text
+from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 from pytest_drive_robust.store.record_files import write_episode
