@@ -20,13 +20,12 @@ from typing import Any
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, file_of, module_digest
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, add_file, file_of, module_digest
 
 SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
 """Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
 
 _OWN = __name__.partition(".")[0]
-_BLOCK_BYTES = 1 << 20
 _ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
 
 
@@ -113,9 +112,7 @@ def _called(owner: object) -> str:
 @functools.cache
 def _content_digest(path: str, _changed_ns: int, _size_bytes: int) -> str:
     digest = hashlib.blake2b(digest_size=16)
-    with open(path, "rb") as file:
-        while block := file.read(_BLOCK_BYTES):
-            digest.update(block)
+    add_file(digest, path)
     return digest.hexdigest()
 
 

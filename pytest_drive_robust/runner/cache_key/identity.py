@@ -52,7 +52,6 @@ The package of the simulator comes with it.
 """
 _LOCKSTEP = "pytest_drive_robust.runner.lockstep.batch"
 
-_BLOCK_BYTES = 1 << 20
 _DEVELOPMENT = re.compile(r"(\.dev\d+)?(\+\S+)?\Z")
 
 
@@ -144,9 +143,7 @@ def weights_digest(files: object, *, agent: str) -> str:
     digest = hashlib.blake2b(digest_size=6)
     try:
         for path in paths:
-            with path.open("rb") as file:
-                while block := file.read(_BLOCK_BYTES):
-                    digest.update(block)
+            source_files.add_file(digest, path)
     except OSError as error:
         raise UsageError(
             f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."

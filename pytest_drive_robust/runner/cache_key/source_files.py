@@ -26,6 +26,7 @@ from typing import TypeGuard
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """What belongs to the code of a package; weights are named by the agent."""
+_BLOCK_BYTES = 1 << 20
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
 _LINE = rb"(?:\\\r?\n|[^#;\r\n])*"
@@ -135,6 +136,13 @@ def code_digest(modules: Iterable[ModuleType | str]) -> str:
             name = path.relative_to(place.parent).as_posix()
             digest.update(name.encode() + b"\0" + hashlib.blake2b(path.read_bytes()).digest())
     return digest.hexdigest()
+
+
+def add_file(digest: hashlib.blake2b, path: str | Path) -> None:
+    """Add the content of a file, which may be larger than the memory. Raises `OSError`."""
+    with open(path, "rb") as file:
+        while block := file.read(_BLOCK_BYTES):
+            digest.update(block)
 
 
 def hex_of(content: bytes) -> str:
