@@ -13,9 +13,9 @@ from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
 
-_EVALUATOR = Path("leaderboard/leaderboard/leaderboard_evaluator.py")
+EVALUATOR = Path("leaderboard/leaderboard/leaderboard_evaluator.py")
 _ROUTES = Path("leaderboard/data/bench2drive220.xml")
-_SERVER = "CarlaUE4.sh"
+SERVER = "CarlaUE4.sh"
 _EGG_PYTHONS = ((3, 7), (3, 8))
 _GETCHILDREN = ".getchildren("
 NO_GETCHILDREN = (3, 9)
@@ -37,25 +37,25 @@ class Checkout:
 
         Raises `UsageError` that says what is missing.
         """
-        if not (root / _EVALUATOR).is_file():
+        if not (root / EVALUATOR).is_file():
             raise UsageError(
-                f"{str(root)!r} is no Bench2Drive checkout: there is no {_EVALUATOR}. Expected a clone of "
+                f"{str(root)!r} is no Bench2Drive checkout: there is no {EVALUATOR}. Expected a clone of "
                 "github.com/Thinklab-SJTU/Bench2Drive."
             )
-        given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
+        given = carla_root or named_carla()
         if given is None:
             raise UsageError(
                 "Where is CARLA? Set CARLA_ROOT to the folder that holds CarlaUE4.sh; without pytest, --carla-root "
                 "gives it, too."
             )
-        if not (given / _SERVER).is_file():
-            raise UsageError(f"{str(given)!r} is no CARLA: there is no {_SERVER}. Bench2Drive needs CARLA 0.9.15.")
+        if not (given / SERVER).is_file():
+            raise UsageError(f"{str(given)!r} is no CARLA: there is no {SERVER}. Bench2Drive needs CARLA 0.9.15.")
         return cls(root.resolve(), given.resolve(), _absolute(python) if python else sys.executable)
 
     @property
     def evaluator(self) -> Path:
         """The script that drives routes."""
-        return self.root / _EVALUATOR
+        return self.root / EVALUATOR
 
     @property
     def routes(self) -> Path:
@@ -111,7 +111,7 @@ class Checkout:
         return {
             **inherited,
             "CARLA_ROOT": str(self.carla_root),
-            "CARLA_SERVER": str(self.carla_root / _SERVER),
+            "CARLA_SERVER": str(self.carla_root / SERVER),
             "LEADERBOARD_ROOT": str(self.root / "leaderboard"),
             "SCENARIO_RUNNER_ROOT": str(self.root / "scenario_runner"),
             "CHALLENGE_TRACK_CODENAME": "SENSORS",
@@ -119,6 +119,11 @@ class Checkout:
             "PYTHONPATH": os.pathsep.join([*([before] if before else []), *map(str, paths)]),
             "PYTHONUNBUFFERED": "1",
         }
+
+
+def named_carla() -> Path | None:
+    """Return the folder that the variable `CARLA_ROOT` names, None where it is unset or empty."""
+    return Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None
 
 
 def _absolute(python: str) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.evaluator.checkout import NO_GETCHILDREN, Checkout
+from pytest_drive_robust.bench2drive.evaluator.checkout import EVALUATOR, NO_GETCHILDREN, SERVER, Checkout, named_carla
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
 from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, TRAFFIC_OFFSET, check_ports
 from pytest_drive_robust.errors import UsageError
@@ -66,7 +66,7 @@ def examine(
 ) -> tuple[DoctorCheck, ...]:
     """Return everything, in the order in which one would put it right. Raises `UsageError` for a port beyond all."""
     check_ports(port)
-    given = carla_root or (Path(os.environ["CARLA_ROOT"]) if os.environ.get("CARLA_ROOT") else None)
+    given = carla_root or named_carla()
     checks = [*_checkout(root), *_server(given)]
     try:
         checkout = Checkout.find(root, carla_root=given, python=python)
@@ -93,7 +93,7 @@ def carla_version(carla_root: Path) -> str:
 
 def _checkout(root: Path) -> Iterator[DoctorCheck]:
     clone = "Clone github.com/Thinklab-SJTU/Bench2Drive and give its folder."
-    evaluator = root / "leaderboard/leaderboard/leaderboard_evaluator.py"
+    evaluator = root / EVALUATOR
     if not evaluator.is_file():
         yield DoctorCheck("checkout", False, f"no {evaluator}", clone)
         return
@@ -113,7 +113,7 @@ def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
     if carla_root is None:
         yield DoctorCheck("server", False, "CARLA_ROOT is not set", install)
         return
-    script = carla_root / "CarlaUE4.sh"
+    script = carla_root / SERVER
     if not script.is_file():
         yield DoctorCheck("server", False, f"no {script}", install)
         return

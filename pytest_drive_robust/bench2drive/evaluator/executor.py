@@ -16,6 +16,7 @@ from queue import SimpleQueue
 from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
 from pytest_drive_robust.bench2drive.evaluator import drive
+from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
@@ -65,7 +66,7 @@ class Bench2DriveExecutor(Executor):
     `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
     `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
     as finished. `hidden`: `folder` is kept out of git. The GPUs (default: those of `CUDA_VISIBLE_DEVICES`, else GPU 0)
-    are used in turn, one for each slot.
+    are used in turn, one for each slot. `tries` and `patience` are those of each `EvaluatorSetup`.
     """
 
     def __init__(
@@ -79,7 +80,8 @@ class Bench2DriveExecutor(Executor):
         port: int = DEFAULT_PORT,
         fresh: bool = False,
         hidden: bool = False,
-        **options: object,
+        tries: int = 3,
+        patience: Patience | None = None,
     ) -> None:
         check_ports(port, slots=slots)
         self._slots = slots
@@ -92,7 +94,7 @@ class Bench2DriveExecutor(Executor):
         self._driven: set[tuple[Path, str]] = set()
         self._planned: defaultdict[tuple[object, ...], dict[str, None]] = defaultdict(dict)
         self._planning = threading.Lock()
-        self._options = {"port": port, **options}  # tries, patience of an EvaluatorSetup
+        self._port, self._tries, self._patience = port, tries, patience or Patience()
         self._stop = threading.Event()
         self._free: SimpleQueue[int] = SimpleQueue()
         for slot in range(slots):
@@ -145,7 +147,7 @@ class Bench2DriveExecutor(Executor):
         agent, config = read_agent(request.episode.agent, self._checkout.root)
         return drive.EvaluatorSetup(
             self._checkout, agent, config, request.setting, request.episode.seed, self._routes,
-            **self._options,  # type: ignore[arg-type]
+            port=self._port, tries=self._tries, patience=self._patience,
         )  # fmt: skip
 
     def _drive(self, request: EpisodeRequest) -> EpisodeResult:
