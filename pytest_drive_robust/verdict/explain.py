@@ -15,6 +15,7 @@ from pytest_drive_robust.metrics.score import driving_score
 _DISTANCE_M = 0.5
 _SPEED_MPS = 1.0
 _NOT_DRIVEN = "not driven"
+_MOST_WORST = 3
 
 _ENDS: Mapping[End, str] = {
     End.COMPLETED: "completed",
@@ -99,9 +100,8 @@ def worst_routes(
     *,
     relative: bool,
     yardstick: Yardstick | None = None,
-    count: int = 3,
 ) -> tuple[WorstRoute, ...]:
-    """Return at most `count` routes, one episode each, the worst first.
+    """Return at most three routes, one episode each, the worst first.
 
     By `yardstick`: those whose own value is furthest beyond the limit. Without one, and where no episode breaks the
     limit alone: `relative`, by the driving score that was lost against the clean twin, routes that lost nothing left
@@ -117,7 +117,7 @@ def worst_routes(
     worst = _furthest(perturbed, yardstick.excess) if yardstick is not None else []
     if not worst:
         value, worst = None, _furthest(perturbed, lost)
-    return tuple(_explain(result, twins.get(route_and_seed(result)), value) for result in worst[:count])
+    return tuple(_explain(result, twins.get(route_and_seed(result)), value) for result in worst[:_MOST_WORST])
 
 
 def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult], float]) -> list[EpisodeResult]:

@@ -22,6 +22,7 @@ GOOD: Colour = (52, 180, 92)
 MARK: Colour = (255, 221, 51)
 
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
+_MOST_LINES = 2
 _SMALLEST = 0.8
 """Text that does not fit is drawn down to this share of its size, then cut."""
 
@@ -91,12 +92,12 @@ def text_width(words: str, size: float, *, bold: bool = False) -> int:
     return int(cv2.getTextSize(words, _FONT, size, 2 if bold else 1)[0][0]) if words else 0
 
 
-def wrapped(words: str, *, size: float, within: int, lines: int = 2, bold: bool = False) -> list[str]:
-    """Cut `words` at blanks into at most so many lines; the last one keeps what is left over."""
+def wrapped(words: str, *, size: float, within: int, bold: bool = False) -> list[str]:
+    """Cut `words` at blanks into at most two lines; the last one keeps what is left over."""
     found = [""]
     for word in words.split():
         longer = f"{found[-1]} {word}".strip()
-        if text_width(longer, size, bold=bold) <= within or len(found) == lines:
+        if text_width(longer, size, bold=bold) <= within or len(found) == _MOST_LINES:
             found[-1] = longer
         else:
             found.append(word)
