@@ -26,7 +26,8 @@ from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
-if TYPE_CHECKING:  # few sessions judge results
+if TYPE_CHECKING:  # few sessions judge results, or drive in the official evaluator
+    from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
 _RESULTS = pytest.StashKey["ResultsExecutor"]()
@@ -131,44 +132,56 @@ def backend_for(
     `shared`: other processes of this run drive beside us. `ticked` is called after every tick that this process drives
     itself. Raises `UsageError`.
     """
-    registry = default_registry()
     if options.is_external:
-        from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes, ResultsScopes
-
-        if options.simulator == RESULTS:
-            results = config.stash[_RESULTS]
-            return ResultsScopes(options, registry, resolve_routes, results), results
-        check_platform(
-            f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results SETTING=FOLDER."
-        )
-        from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
-        from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
-        from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
-
-        patience = Patience()
-        if asked_for("--drive-episode-timeout", config):  # its default is for our simulators, which are faster
-            limit_s = execution.episode_timeout_s
-            patience = replace(patience, route_s=math.inf if limit_s is None else limit_s)
-        checkout = Checkout.find(Path(execution.b2d_root), python=execution.b2d_python)
-        checkout.require_python("--drive-b2d-python")
-        evaluator = Bench2DriveExecutor(
-            checkout,
-            folder=config.rootpath / (DEFAULT_STORE if options.store == "off" else options.store) / BENCH2DRIVE,
-            routes=_route_file(options),
-            slots=execution.workers or 1,
-            fresh=options.fresh,
-            hidden=True,
-            patience=patience,
-        )
-        return ExternalScopes(options, registry, resolve_routes, evaluator), evaluator
+        return _external_backend(config, options, execution)
     scopes = Scopes(
         options,
-        registry,
+        default_registry(),
         resolve_routes,
         lockstep=execution.lockstep is not None,
         is_stored=lambda key: store.get(key) is not None,
     )
     return scopes, _executor(config, options, execution, shared=shared, agents=lambda: scopes.agents, ticked=ticked)
+
+
+def _external_backend(
+    config: pytest.Config, options: RunOptions, execution: ExecutionOptions
+) -> tuple[Scopes, Executor]:
+    """Return what answers where somebody else drives, or has driven. Raises `UsageError`."""
+    from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes, ResultsScopes
+
+    registry = default_registry()
+    if options.simulator == RESULTS:
+        results = config.stash[_RESULTS]
+        return ResultsScopes(options, registry, resolve_routes, results), results
+    evaluator = _evaluator(config, options, execution)
+    return ExternalScopes(options, registry, resolve_routes, evaluator), evaluator
+
+
+def _evaluator(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> Bench2DriveExecutor:
+    """Return the executor of the official evaluator. Raises `UsageError` where that cannot run."""
+    check_platform(
+        f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results SETTING=FOLDER."
+    )
+    from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
+    from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+    from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
+
+    patience = Patience()
+    if asked_for("--drive-episode-timeout", config):  # its default is for our simulators, which are faster
+        limit_s = execution.episode_timeout_s
+        patience = replace(patience, route_s=math.inf if limit_s is None else limit_s)
+    checkout = Checkout.find(Path(execution.b2d_root), python=execution.b2d_python)
+    checkout.require_python("--drive-b2d-python")
+    return Bench2DriveExecutor(
+        checkout,
+        folder=config.rootpath / (DEFAULT_STORE if options.store == "off" else options.store) / BENCH2DRIVE,
+        routes=_route_file(options),
+        slots=execution.workers or 1,
+        fresh=options.fresh,
+        hidden=True,
+        patience=patience,
+    )
 
 
 def _executor(
