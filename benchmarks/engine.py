@@ -45,7 +45,8 @@ from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.episode import loop
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.surroundings import Surroundings
-from pytest_drive_robust.runner.executors import Executor, InlineExecutor
+from pytest_drive_robust.runner.executor import Executor
+from pytest_drive_robust.runner.inline_executor import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
-from pytest_drive_robust.runner.executors import LocalExecutor
+from pytest_drive_robust.runner.local_executor import LocalExecutor
 
 if TYPE_CHECKING:
     from pytest_drive_robust.engine.fork_server import ForkServer

@@ -25,7 +25,7 @@ _SALVAGE_S = 600.0
 
 
 class Supervisor:
-    """One worker process at a time, kept warm from episode to episode (see `runner.executors.Driver`).
+    """One worker process at a time, kept warm from episode to episode (see `runner.executor.Driver`).
 
     It is used from one thread at a time. An episode of a batch takes as long as all of them, so each may take `width`
     times the limit of an episode. A call of `act_batch` has the time of any other call.

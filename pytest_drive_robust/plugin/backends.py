@@ -21,7 +21,8 @@ from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.process_roles import is_controller
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.runner.executors import Executor, InlineExecutor, factory_offers_lockstep
+from pytest_drive_robust.runner.executor import Executor
+from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
@@ -196,6 +197,8 @@ def _executor(
     """Return the executor that was asked for; `agents()` are those of the plan, asked for at the first episode."""
     world = simulator_options(options)
     if execution.executor == "inline":
+        from pytest_drive_robust.runner.inline_executor import InlineExecutor
+
         return InlineExecutor(
             default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
         )

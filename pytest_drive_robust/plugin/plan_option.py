@@ -13,7 +13,7 @@ from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, VerdictPlan
 from pytest_drive_robust.store.base import EpisodeStore
 

@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError, DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import (
     EpisodeRequest,
     RouteRequests,

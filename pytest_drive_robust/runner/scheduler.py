@@ -10,7 +10,7 @@ from typing import NamedTuple, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import BudgetSpentError
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.claims import Claim

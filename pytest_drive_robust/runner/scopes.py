@@ -14,7 +14,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.episode.machine import library_versions
-from pytest_drive_robust.runner.executors import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec, routes_for

@@ -27,7 +27,7 @@ from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.executors import InlineExecutor
+from pytest_drive_robust.runner.inline_executor import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.store.record import encode_episode

@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import DriveRobustError, RequirementError, Unkno
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.perturbations.sentences import CLEAN
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _MOST_SHOWN = 10

@@ -26,7 +26,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import available_cores
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key.canonical_text import SESSION
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _LOCAL = "local"

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.events import Event

@@ -20,7 +20,8 @@ from pytest_drive_robust.plugin.probe_option import drive_twice
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.episode.generators import seed_generators
-from pytest_drive_robust.runner.executors import Executor, InlineExecutor
+from pytest_drive_robust.runner.executor import Executor
+from pytest_drive_robust.runner.inline_executor import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import record_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions

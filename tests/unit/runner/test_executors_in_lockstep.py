@@ -16,7 +16,8 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
-from pytest_drive_robust.runner.executors import InlineExecutor, LocalExecutor
+from pytest_drive_robust.runner.inline_executor import InlineExecutor
+from pytest_drive_robust.runner.local_executor import LocalExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.simulators.base import SimulatorOptions

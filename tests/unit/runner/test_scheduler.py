@@ -10,7 +10,7 @@ from result_factory import make_result
 
 from pytest_drive_robust.errors import BudgetSpentError, PluginError
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.executors import Executor
+from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.runner.scheduler import Scheduler
 from pytest_drive_robust.store.base import MemoryStore

@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
-from pytest_drive_robust.runner.executors import InlineExecutor
+from pytest_drive_robust.runner.inline_executor import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import compiling

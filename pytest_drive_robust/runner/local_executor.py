@@ -1,102 +1,21 @@
-"""Who turns requests into finished episodes: the base class, and the executor of this machine, here or in processes."""
+"""The executor of this machine: drivers, here or in processes, take what waits."""
 
 from __future__ import annotations
 
-import functools
 import threading
-import typing
-from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import suppress
-from typing import Protocol
 
-from pytest_drive_robust.domain.agent import Agent, offers_lockstep
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.executor import Driver, Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.simulators.base import SimulatorOptions
 
 _MOST_WORDS = 2000
 """Characters of what a broken episode printed that are kept for people."""
 _MOST_EPISODES = 5
-
-
-class Executor(ABC):
-    """Drives episodes, at most `slots` at a time."""
-
-    work: Callable[[], object] | None = None
-    """Drives in the thread of its caller until something has ended or nothing is left; None where others drive.
-
-    It is called again and again while somebody waits.
-    """
-
-    @property
-    @abstractmethod
-    def slots(self) -> int:
-        """Return how many episodes it can drive at this moment."""
-
-    @abstractmethod
-    def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Begin an episode. The caller keeps to `slots`.
-
-        An episode that breaks is a result too (`agent_error`, `infra_error`): the only exceptions of the future are
-        `UsageError`, when the agent or the simulator cannot be made at all, and `Stopped`, when `close` cut it off.
-        """
-
-    def finished(self, request: EpisodeRequest) -> EpisodeResult | None:
-        """Return an episode that `submit` would not drive, as it is kept where the executor looks; else None.
-
-        Raises `UsageError` where what is kept cannot be used.
-        """
-        return None
-
-    @abstractmethod
-    def close(self) -> None:
-        """Free simulators, agents and processes; what is under way has no result. Calling it twice does no harm."""
-
-    @property
-    def compiling(self) -> tuple[int, int]:
-        """Return how many functions are compiled, of how many that episodes may wait for."""
-        return 0, 0
-
-    def drives(self, agent: str) -> bool:
-        """Return whether an agent need not wait for a compiler."""
-        return True
-
-    def together(self, agent: str) -> int:
-        """Return how many episodes of an agent share a driver, and its time: more than one in lockstep."""
-        return 1
-
-    def last_words(self) -> tuple[tuple[str, str], ...]:
-        """Return (episode, what it printed at its end) of the first episodes that broke since this was asked last."""
-        return ()
-
-
-class Driver(Protocol):
-    """Drives one episode or one batch at a time, here (`EpisodeDriver`) or in a process (`engine.supervisor`).
-
-    `output` is what was printed by the time of the latest result. Methods raise `UsageError`, `Stopped`.
-    """
-
-    output: str
-
-    def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive one, by `act` or with a `width` in a batch of its own; again when its end was not the agent's doing."""
-
-    def drive_batch(
-        self, agent: str, take: Callable[[], EpisodeRequest | None], width: int
-    ) -> Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]:
-        """Drive up to `width` at once, each with its result as soon as it ends; what has none is to be driven alone.
-
-        `take` is asked again and again: it may give none now and another one later.
-        """
-
-    def close(self) -> None:
-        """Free worlds, agents and processes."""
 
 
 class LocalExecutor(Executor):
@@ -282,68 +201,3 @@ class LocalExecutor(Executor):
         for future in (*taken.values(), *lost):
             future.set_exception(error)
         taken.clear()
-
-
-class InlineExecutor(LocalExecutor):
-    """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
-
-    `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
-    """
-
-    def __init__(
-        self,
-        registry: Registry,
-        *,
-        simulator: str,
-        options: SimulatorOptions,
-        ticked: Callable[[], object],
-        width: int | None = None,
-    ) -> None:
-        from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
-        from pytest_drive_robust.runner.episode.loop import Watch
-        from pytest_drive_robust.runner.episode.threads import OneThread
-
-        self._one_thread = one_thread = OneThread()
-
-        def made(name: str) -> Agent:
-            agent = make_agent(registry, name)
-            one_thread.limit()  # also what it loaded
-            return agent
-
-        class _Ticks(Watch):
-            """Hears of every tick."""
-
-            def ticked(self, *_: object) -> None:
-                ticked()
-
-        driver = EpisodeDriver(lambda: registry.simulator(simulator, options), made, watch=_Ticks())
-        super().__init__(
-            lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
-        )
-        self._simulator = simulator
-
-    def _work(self) -> None:
-        with self._one_thread:
-            super()._work()
-
-    @functools.cached_property
-    def compiling(self) -> tuple[int, int]:
-        """Of the functions of the embedded world that were in no cache when this was first asked, none is compiled."""
-        if self._simulator == "embedded":
-            with suppress(ImportError):  # the episode says so
-                from pytest_drive_robust.simulators.embedded.compiling import missing_functions  # loads numba
-
-                return 0, missing_functions()
-        return 0, 0
-
-
-def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
-    """Return whether what makes the agent has an `act_batch`, or says that it returns a class that has one.
-
-    No agent is made: that belongs in the process that drives it. Raises `UnknownNameError` or `PluginError`.
-    """
-    factory = registry.entry("agents", agent).load()
-    made = None
-    with suppress(Exception):  # an annotation that names something imported for type checkers only, or no function
-        made = typing.get_type_hints(factory).get("return")
-    return offers_lockstep(factory) or offers_lockstep(made)

@@ -1,0 +1,66 @@
+"""The executor without processes: drives in this one, as a debugger wants it."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from contextlib import suppress
+
+from pytest_drive_robust.domain.agent import Agent
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.local_executor import LocalExecutor
+from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
+from pytest_drive_robust.simulators.base import SimulatorOptions
+
+
+class InlineExecutor(LocalExecutor):
+    """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
+
+    `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
+    """
+
+    def __init__(
+        self,
+        registry: Registry,
+        *,
+        simulator: str,
+        options: SimulatorOptions,
+        ticked: Callable[[], object],
+        width: int | None = None,
+    ) -> None:
+        from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
+        from pytest_drive_robust.runner.episode.loop import Watch
+        from pytest_drive_robust.runner.episode.threads import OneThread
+
+        self._one_thread = one_thread = OneThread()
+
+        def made(name: str) -> Agent:
+            agent = make_agent(registry, name)
+            one_thread.limit()  # also what it loaded
+            return agent
+
+        class _Ticks(Watch):
+            """Hears of every tick."""
+
+            def ticked(self, *_: object) -> None:
+                ticked()
+
+        driver = EpisodeDriver(lambda: registry.simulator(simulator, options), made, watch=_Ticks())
+        super().__init__(
+            lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
+        )
+        self._simulator = simulator
+
+    def _work(self) -> None:
+        with self._one_thread:
+            super()._work()
+
+    @functools.cached_property
+    def compiling(self) -> tuple[int, int]:
+        """Of the functions of the embedded world that were in no cache when this was first asked, none is compiled."""
+        if self._simulator == "embedded":
+            with suppress(ImportError):  # the episode says so
+                from pytest_drive_robust.simulators.embedded.compiling import missing_functions  # loads numba
+
+                return 0, missing_functions()
+        return 0, 0
