@@ -7,14 +7,9 @@ from enum import Enum
 
 import pytest
 
-from pytest_drive_robust.plugin.judging import (
-    NOT_JUDGED_ERROR,
-    ONE_AT_A_TIME,
-    BrokenRequirementError,
-    NotJudgedError,
-    is_open,
-)
+from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME
 from pytest_drive_robust.plugin.requirement_place import place_of
+from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, BrokenRequirementError, NotJudgedError, is_open
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
 

@@ -21,9 +21,16 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
+from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.requirement_place import place_of
+from pytest_drive_robust.plugin.verdict_errors import (
+    INCONCLUSIVE,
+    NOT_JUDGED_ERROR,
+    BrokenRequirementError,
+    NotJudgedError,
+)
 from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.report.numbers import counted, interval_text, legible
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.runner.verdict_events import searched
@@ -32,58 +39,10 @@ from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
 
-INCONCLUSIVE = "drive_inconclusive"
-"""The property of a test whose verdict is open, with its first line."""
-
-
-class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """A requirement that does not hold: the test fails with our message and no traceback."""
-
-    def __init__(self, text: str, verdict: Verdict) -> None:
-        super().__init__(text, pytrace=False)
-        self.verdict = verdict
-
-
 ONE_AT_A_TIME = threading.RLock()
 """Held by whatever asks for episodes: a test may do so from several threads, the campaign answers one at a time."""
 _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
 """What may be raised where a number is asked for."""
-
-
-class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
-
-
-NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
-"""In `item.stash`: why the test could not be judged when it asked last, None where it could."""
-
-
-class Estimate(float):
-    """A measured value that compares like a float and shows its interval: `assert drive.rd(setting) <= 0.30`."""
-
-    metric: str
-    setting: str
-    low: float
-    high: float
-    routes: int
-    seeds: int
-
-    @classmethod
-    def of(cls, verdict: Verdict) -> Estimate:
-        """Return the value of a verdict."""
-        estimate = cls(verdict.value)
-        estimate.metric = verdict.requirement.metric.name
-        estimate.setting = str(verdict.requirement.setting)
-        estimate.low, estimate.high = float(verdict.low), float(verdict.high)
-        estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
-        return estimate
-
-    def __repr__(self) -> str:
-        interval = interval_text(self.metric, self.low, self.high)
-        return (
-            f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
-            f"{counted(self.routes, 'route')} x {counted(self.seeds, 'seed')})"
-        )
 
 
 class Drive:
@@ -321,11 +280,6 @@ class DriveContext(NamedTuple):
             return Drive(self, item)
         except UsageError as error:
             raise NotJudgedError(legible(f"ERROR: not judged: {item.name}\n{error}"), pytrace=False) from None
-
-
-def is_open(report: pytest.TestReport) -> bool:
-    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
-    return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:

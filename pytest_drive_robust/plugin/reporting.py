@@ -10,11 +10,11 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
-from pytest_drive_robust.plugin.judging import is_open
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
+from pytest_drive_robust.plugin.verdict_errors import is_open
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
 

@@ -6,7 +6,7 @@ from collections.abc import Generator
 
 import pytest
 
-from pytest_drive_robust.plugin.judging import BrokenRequirementError
+from pytest_drive_robust.plugin.verdict_errors import BrokenRequirementError
 from pytest_drive_robust.regression.waivers import Waiver, Waivers
 
 

@@ -1,0 +1,34 @@
+"""A measured value that a test compares with a number of its own."""
+
+from __future__ import annotations
+
+from pytest_drive_robust.report.numbers import counted, interval_text
+from pytest_drive_robust.verdict.evaluate import Verdict
+
+
+class Estimate(float):
+    """A measured value that compares like a float and shows its interval: `assert drive.rd(setting) <= 0.30`."""
+
+    metric: str
+    setting: str
+    low: float
+    high: float
+    routes: int
+    seeds: int
+
+    @classmethod
+    def of(cls, verdict: Verdict) -> Estimate:
+        """Return the value of a verdict."""
+        estimate = cls(verdict.value)
+        estimate.metric = verdict.requirement.metric.name
+        estimate.setting = str(verdict.requirement.setting)
+        estimate.low, estimate.high = float(verdict.low), float(verdict.high)
+        estimate.routes, estimate.seeds = verdict.routes, verdict.seeds
+        return estimate
+
+    def __repr__(self) -> str:
+        interval = interval_text(self.metric, self.low, self.high)
+        return (
+            f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
+            f"{counted(self.routes, 'route')} x {counted(self.seeds, 'seed')})"
+        )

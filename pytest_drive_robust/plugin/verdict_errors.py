@@ -1,0 +1,31 @@
+"""How a test ends on a verdict that is no pass: broken, not judged, or left open."""
+
+from __future__ import annotations
+
+import pytest
+
+from pytest_drive_robust.verdict.evaluate import Verdict
+
+INCONCLUSIVE = "drive_inconclusive"
+"""The property of a test whose verdict is open, with its first line."""
+
+
+class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
+    """A requirement that does not hold: the test fails with our message and no traceback."""
+
+    def __init__(self, text: str, verdict: Verdict) -> None:
+        super().__init__(text, pytrace=False)
+        self.verdict = verdict
+
+
+class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
+    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+
+
+NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
+"""In `item.stash`: why the test could not be judged when it asked last, None where it could."""
+
+
+def is_open(report: pytest.TestReport) -> bool:
+    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
+    return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)
