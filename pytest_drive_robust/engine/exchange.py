@@ -7,10 +7,10 @@ import pickle
 import select
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from multiprocessing.connection import wait
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.death import Cause, Death, Explanation, explain
@@ -83,7 +83,7 @@ class Exchange(Generic[T]):
                 self._lost(Cause.SILENT, grace_s=_EXIT_S)
         return self.failure is None and bool(self._under_way)
 
-    def _hear(self, ready: list[Any]) -> tuple[T, EpisodeResult | UsageError] | None:
+    def _hear(self, ready: Sequence[object]) -> tuple[T, EpisodeResult | UsageError] | None:
         """Return the answer that has come."""
         worker = self._worker
         if worker.connection not in ready:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 from dataclasses import replace
+from functools import partial
 
 import pytest
 
@@ -54,7 +55,7 @@ class CollectionPlugin:
         note_problem(config, "", context.scopes.check)
         driving = [item for item in session.items if uses_drive(item)]
         for item in driving:
-            note_problem(config, item.nodeid, lambda item=item: self._add(context, item))  # type: ignore[misc]
+            note_problem(config, item.nodeid, partial(self._add, context, item))
         if context.options.correction != "none":
             context = context._replace(family=max(1, self._judged_by_evidence))
             config.stash[DRIVE_CONTEXT] = context

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Generator
+from functools import partial
 from typing import Any
 
 import pytest
@@ -159,7 +160,7 @@ def _check_marks_of_others(items: list[pytest.Item]) -> None:
     from pytest_drive_robust.plugin.usage_errors import note_problem
 
     for item in items:
-        note_problem(item.config, item.nodeid, lambda item=item: refuse_unknown_marks(item))  # type: ignore[misc]
+        note_problem(item.config, item.nodeid, partial(refuse_unknown_marks, item))
 
 
 def _check_markers(item: pytest.Item) -> None:

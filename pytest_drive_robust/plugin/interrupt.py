@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import signal
+from collections.abc import Callable
 from types import FrameType
+from typing import Any
 
 import pytest
 
@@ -18,7 +20,7 @@ class InterruptPlugin:
     """
 
     def __init__(self) -> None:
-        self._before: object = None
+        self._before: Callable[[int, FrameType | None], Any] | int | None = None
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_keyboard_interrupt(self) -> None:
@@ -32,7 +34,7 @@ class InterruptPlugin:
         """Put back the handler of before."""
         with contextlib.suppress(ValueError, TypeError):
             if self._before is not None:
-                signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
+                signal.signal(signal.SIGINT, self._before)
                 self._before = None
 
     def _again(self, number: int, frame: FrameType | None) -> None:

@@ -21,6 +21,7 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields
 from datetime import date, datetime
 from fnmatch import fnmatchcase
@@ -173,10 +174,10 @@ def _as_judged(requirement: str) -> str:
 def _date(given: object, where: str) -> date:
     if isinstance(given, date) and not isinstance(given, datetime):
         return given
-    try:
-        return date.fromisoformat(given)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise UsageError(f"{where} has expires = {given!r}, expected a date, as in expires = 2026-12-15.") from None
+    if isinstance(given, str):
+        with suppress(ValueError):
+            return date.fromisoformat(given)
+    raise UsageError(f"{where} has expires = {given!r}, expected a date, as in expires = 2026-12-15.")
 
 
 def _matches(pattern: str, text: str) -> bool:

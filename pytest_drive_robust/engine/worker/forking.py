@@ -19,7 +19,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
@@ -256,6 +256,6 @@ def _tell(exit_w: int, number: int) -> None:
         os.write(exit_w, number.to_bytes(4, "little", signed=True))
 
 
-def _kill(send: Any, pid: int) -> None:
+def _kill(send: Callable[[int, int], None], pid: int) -> None:
     with suppress(OSError):
         send(pid, signal.SIGKILL)
