@@ -49,7 +49,8 @@ ABILITIES: Mapping[str, frozenset[str]] = MappingProxyType(
 )
 """The scenario types of each ability; a type may be in two of them. `HardBreakRoute` is the schema's spelling."""
 
-_SIGNS = "Traffic_Signs"
+SIGNS = "Traffic_Signs"
+"""The ability that has a rule of its own."""
 _SIGN_INFRACTIONS = (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN)
 _EVALUATOR = "bench2drive"
 """Among the versions of an episode that the official evaluator drove, whose records tell of no junction."""
@@ -66,11 +67,11 @@ def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
     rates = {
         ability: mean_over_routes(
             [result for result in results if result.scenario in scenarios],
-            _masters_signs if ability == _SIGNS else is_success,
+            _masters_signs if ability == SIGNS else is_success,
         )
         for ability, scenarios in ABILITIES.items()
     }
-    return rates if signs_between(results) is None else {**rates, _SIGNS: None}
+    return rates if signs_between(results) is None else {**rates, SIGNS: None}
 
 
 def signs_between(results: Sequence[EpisodeResult]) -> tuple[float, float] | None:
@@ -79,7 +80,7 @@ def signs_between(results: Sequence[EpisodeResult]) -> tuple[float, float] | Non
     Records of the official evaluator do not say whether the first junction was passed; `drive-robust score` with
     `--routes` and `--carla-root` asks the maps.
     """
-    signs = [result for result in results if result.scenario in ABILITIES[_SIGNS]]
+    signs = [result for result in results if result.scenario in ABILITIES[SIGNS]]
     low = mean_over_routes(signs, _masters_signs)
     high = mean_over_routes(signs, lambda result: _masters_signs(result) or _may_master_signs(result))
     return None if low is None or high is None or low == high else (low, high)

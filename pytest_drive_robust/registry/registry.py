@@ -320,7 +320,7 @@ def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, proto
         raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
     if isinstance(made, type):
         raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
-    missing = [name for name in _members(protocol) if not (hasattr(type(made), name) or hasattr(made, name))]
+    missing = missing_members(made, protocol)
     if missing:
         raise PluginError(
             f"{what} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
@@ -329,9 +329,11 @@ def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, proto
     return made
 
 
-def _members(protocol: type) -> list[str]:
+def missing_members(made: object, protocol: type) -> list[str]:
+    """Return the names of the protocol that an object lacks, sorted; a property counts, whatever it raises."""
     names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
-    return sorted(name for name in names if not name.startswith("_"))
+    public = sorted(name for name in names if not name.startswith("_"))
+    return [name for name in public if not (hasattr(type(made), name) or hasattr(made, name))]
 
 
 def _check_perturbation(cls: object, origin: str, name: str) -> type[Perturbation]:

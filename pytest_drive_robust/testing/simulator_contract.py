@@ -13,6 +13,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Trace
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
+from pytest_drive_robust.registry.registry import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
@@ -97,10 +98,7 @@ def _scripted(simulator: Simulator, route: Route, seed: int) -> _Driven:
 
 
 def _members(simulator: Simulator) -> Check:
-    names = {*vars(Simulator), *Simulator.__annotations__}
-    missing = sorted(
-        name for name in names if name[0] != "_" and not (hasattr(type(simulator), name) or hasattr(simulator, name))
-    )
+    missing = missing_members(simulator, Simulator)
     if missing:
         return Check("members", False, f"{type(simulator).__name__} lacks {', '.join(missing)}.")
     dt_s: object = simulator.dt_s

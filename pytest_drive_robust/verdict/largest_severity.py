@@ -12,6 +12,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder
+from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
 from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 
@@ -23,7 +24,6 @@ ALPHA = 0.1
 _NO_MARGIN = 1e-9
 """None at all: the crossing itself is searched. A rule needs a number above 0."""
 
-_FEWEST_FOR_EVIDENCE = 20
 _ANSWERS: dict[str, Answer] = {"pass": "holds", "fail": "breaks"}
 
 _NOTABLE = 0.05
@@ -158,7 +158,7 @@ def largest(
     """
     known = known_metric(metric) if isinstance(metric, str) else metric
     compares = comparison or (">=" if known.higher_is_better else "<=")
-    rule: SearchRule = "evidence" if routes >= _FEWEST_FOR_EVIDENCE and known.function is None else "point"
+    rule: SearchRule = "evidence" if routes >= FEWEST_FOR_T and known.function is None else "point"
     verdict_rule = VerdictRule(rule, margin=_NO_MARGIN, alpha=ALPHA)
 
     def requirement(level: float) -> Requirement:

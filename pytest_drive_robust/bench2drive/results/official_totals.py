@@ -32,13 +32,12 @@ from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, official_speed_pct, ratios_pct
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
 from pytest_drive_robust.domain.outcome import InfractionKind
-from pytest_drive_robust.metrics.ability import ABILITIES
+from pytest_drive_robust.metrics.ability import ABILITIES, SIGNS
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
 from pytest_drive_robust.metrics.episodes import require_mode
 
 OFFICIAL_ROUTES = 220
 """What the official merge tool divides by, whatever was driven."""
-_SIGNS = "Traffic_Signs"
 _OBEYED = (InfractionKind.RED_LIGHT.value, InfractionKind.STOP_SIGN.value)
 
 
@@ -194,9 +193,7 @@ def _ability_rates(
     kept = {route: found for route, found in by_route.items() if scenarios is None or route in scenarios}
     types = {route: found[0].scenario if scenarios is None else scenarios[route] for route, found in kept.items()}
     return {
-        ability: _rate(
-            [found for route, found in kept.items() if types[route] in members], ability == _SIGNS, junctions
-        )
+        ability: _rate([found for route, found in kept.items() if types[route] in members], ability == SIGNS, junctions)
         for ability, members in ABILITIES.items()
     }
 
@@ -211,7 +208,7 @@ def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, 
     return frozenset(
         record.route
         for record in records
-        if scenarios.get(record.route) in ABILITIES[_SIGNS] and _bounds(record, True, {}) == (0.0, 1.0)
+        if scenarios.get(record.route) in ABILITIES[SIGNS] and _bounds(record, True, {}) == (0.0, 1.0)
     )
 
 

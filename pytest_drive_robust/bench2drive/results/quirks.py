@@ -23,6 +23,7 @@ from pytest_drive_robust.bench2drive.results.official_totals import (
     official_efficiency,
 )
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
+from pytest_drive_robust.metrics.ability import SIGNS
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS
 from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
 
@@ -172,7 +173,7 @@ def _left_out(score: OfficialTotals) -> Iterator[str]:
 
 
 def _signs(score: OfficialTotals) -> Iterator[str]:
-    rate = score.abilities["Traffic_Signs"]
+    rate = score.abilities[SIGNS]
     if rate.routes and rate.value is None:
         yield (
             "Traffic_Signs, mean of abilities: a range: some routes failed with no sign ignored, and whether that was "
