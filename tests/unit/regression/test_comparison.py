@@ -312,6 +312,15 @@ def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> N
     assert comparison.regressed
 
 
+def test_a_run_that_stopped_at_its_verdicts_is_refused_in_one_sentence() -> None:
+    new = replace(cell(BUSY[:5]), stopped=("5 of 64 routes of routes.xml",))
+    (refusal,) = compare(snapshot(cell(BUSY)), snapshot(new, label="new")).refusals
+    assert refusal.text == (
+        "new was driven until its verdicts were in, which says nothing about two runs: "
+        "5 of 64 routes of routes.xml under clean"
+    )
+
+
 def test_settings_that_one_run_lacks_are_notes() -> None:
     old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), label="old")
     new = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.8"), label="new")
