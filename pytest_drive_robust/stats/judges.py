@@ -202,8 +202,8 @@ class ListJudge(Judge):
     read, so their mean is known to be `-sum / left` at least, and the gamblers bet against that (Waudby-Smith and
     Ramdas 2020, "Confidence sequences for sampling without replacement"). It disagrees with the full list at most
     `alpha` of the time over the shuffles of the planned order, and never when all were read or when the routes left
-    could not turn it. Until the whole list was read, an end is inconclusive; beyond it, reading raises
-    `ComparisonError`.
+    could not turn it. Until the whole list was read, an end is inconclusive. Of a list without a route nothing can be
+    read: `ComparisonError`.
     """
 
     def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05, floor: float = 0.0) -> None:

@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.ability import ABILITIES, abilities, mean_ability, signs_between
 from pytest_drive_robust.metrics.summary import summarize
+from pytest_drive_robust.simulators.embedded.routes import named_routes
 
 
 def test_the_lists_have_the_sizes_of_the_official_tool() -> None:
@@ -24,6 +25,12 @@ def test_the_lists_have_the_sizes_of_the_official_tool() -> None:
     everything = [scenario for types in ABILITIES.values() for scenario in types]
     assert len(set(everything)) == 44
     assert len(everything) - len(set(everything)) == 14
+
+
+def test_the_lists_spell_the_types_as_routes_do() -> None:
+    listed = {scenario for types in ABILITIES.values() for scenario in types}
+
+    assert listed == {route.scenario.type for route in named_routes("one-per-scenario")}
 
 
 def test_a_scenario_counts_in_every_ability_that_lists_it() -> None:

@@ -96,6 +96,14 @@ def test_the_official_jerk_is_half_of_the_true_one() -> None:
     assert comfort(driving(forward_mps2=forward), mode="fixed") == 50.0
 
 
+def test_the_official_jerk_to_the_side_is_half_of_the_true_one_too() -> None:
+    # 10 m/s3 is beyond the bound of 8.37, and 5 m/s3 is not.
+    result = driving(8, right_mps2=ramp(10.0, 0.5))
+
+    assert comfort(result) == 100.0
+    assert comfort(result, mode="fixed") == 0.0
+
+
 def test_yaw_acceleration_counts_only_when_fixed() -> None:
     # From -0.9 to 0.9 in 19 ticks: 1.89 rad/s2, below the bound of 1.93, with rates below 0.95. Three percent more is
     # too much, but not for the official tool (which gets the same numbers in degrees).
@@ -119,6 +127,10 @@ def test_the_official_phase_unwrap_hides_a_jump_of_a_full_turn() -> None:
 def test_a_standing_car_is_comfortable_officially_and_no_data_when_fixed() -> None:
     assert comfort(driving(speed_mps=0.0)) == 100.0
     assert comfort(driving(speed_mps=0.0), mode="fixed") is None
+
+
+def test_a_car_that_backs_up_does_not_stand() -> None:
+    assert comfort(driving(speed_mps=-2.0), mode="fixed") == 100.0
 
 
 def test_only_segments_that_stand_throughout_are_left_out() -> None:
@@ -162,6 +174,17 @@ def test_a_segment_is_one_second_at_any_rate_when_fixed() -> None:
     right[10:] = 6.0
 
     assert comfort(driving(20, right_mps2=right, dt_s=0.1), mode="fixed") == 50.0
+
+
+@pytest.mark.parametrize(
+    ("dt_s", "samples"),
+    [(0.06, 17), pytest.param(0.2, 7, id="one window of the filter at least")],
+)
+def test_a_segment_is_as_near_to_one_second_as_the_rate_and_the_filter_allow(dt_s: float, samples: int) -> None:
+    right = np.zeros(2 * samples - 1)
+    right[samples:] = 6.0  # of the tail that is dropped
+
+    assert comfort(driving(len(right), right_mps2=right, dt_s=dt_s), mode="fixed") == 100.0
 
 
 def test_an_unknown_mode_and_an_infra_error_are_refused() -> None:

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from result_factory import crashed_simulation, make_result, scored
 
+from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.degradation import paired_driving_scores, robustness_degradation
 
@@ -43,6 +44,15 @@ def test_different_routes_or_seeds_are_refused_and_listed() -> None:
         robustness_degradation(clean, perturbed)
 
 
+def test_routes_that_only_one_of_the_sets_has_are_refused() -> None:
+    few, more = [scored("1", 100.0)], [scored("1", 100.0), scored("2", 0.0)]
+
+    with pytest.raises(ComparisonError, match=r"pairs: only perturbed: \(route 2, seed 0\)\."):
+        robustness_degradation(few, more)
+    with pytest.raises(ComparisonError, match=r"pairs: only clean: \(route 2, seed 0\)\."):
+        robustness_degradation(more, few)
+
+
 def test_a_long_list_of_differences_is_cut() -> None:
     clean = [scored(str(route), 100.0) for route in range(9)]
 
@@ -64,6 +74,13 @@ def test_an_empty_set_is_refused() -> None:
         robustness_degradation([], [])
     with pytest.raises(ComparisonError, match="perturbed set holds no episode"):
         robustness_degradation([scored("1", 100.0)], [])
+
+
+def test_a_route_that_scores_0_when_clean_counts_as_long_as_another_scores() -> None:
+    clean = [scored("1", 0.0), scored("2", 100.0)]
+    perturbed = [scored("1", 20.0, setting=LATE), scored("2", 30.0, setting=LATE)]
+
+    assert robustness_degradation(clean, perturbed) == 0.5
 
 
 def test_a_clean_score_of_0_is_refused() -> None:
@@ -90,6 +107,25 @@ def test_different_simulator_versions_are_refused_and_named() -> None:
 
     with pytest.raises(ComparisonError, match=r"embedded 1 and 2, numpy absent and 2\.0"):
         robustness_degradation([make_result()], [new])
+
+
+@pytest.mark.parametrize("stray", [0, 1, 2, 3])
+def test_another_version_is_found_in_any_episode_of_either_set(stray: int) -> None:
+    episodes = [(route, setting) for setting in ("clean", LATE) for route in ("1", "2")]
+    driven = [
+        make_result(route, setting=setting, versions={"embedded": "2" if place == stray else "1"})
+        for place, (route, setting) in enumerate(episodes)
+    ]
+
+    with pytest.raises(ComparisonError, match=r"embedded [12] and [12]"):
+        robustness_degradation(driven[:2], driven[2:])
+
+
+@pytest.mark.parametrize("fact", MACHINE_FACTS)
+def test_another_machine_is_no_other_version(fact: str) -> None:
+    elsewhere = scored("1", 50.0, setting=LATE, versions={"embedded": "1", fact: "b"})
+
+    assert robustness_degradation([scored("1", 100.0, versions={"embedded": "1", fact: "a"})], [elsewhere]) == 0.5
 
 
 def test_mixed_settings_are_refused() -> None:

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from result_factory import crashed_simulation, infraction, make_result
 
-from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 
@@ -59,6 +59,13 @@ def test_leaving_the_lanes_costs_its_share_of_the_travelled_route() -> None:
     assert driving_score(make_result(infractions=[event], completion_pct=80.0)) == 70.0
 
 
+@pytest.mark.parametrize("share_pct", [100.0, 104.0])
+def test_who_is_outside_the_lanes_all_the_way_scores_0_and_never_less(share_pct: float) -> None:
+    event = infraction(InfractionKind.OUTSIDE_LANES, share_pct=share_pct)
+
+    assert driving_score(make_result(infractions=[event])) == 0.0
+
+
 def test_the_score_is_rounded_to_six_digits_like_the_official_records() -> None:
     assert driving_score(make_result(completion_pct=33.333333333)) == 33.333333
 
@@ -82,6 +89,11 @@ def test_any_other_infraction_prevents_success(kind: InfractionKind) -> None:
 @pytest.mark.parametrize("end", [end for end in End if end not in (End.COMPLETED, End.SIMULATION_CRASHED)])
 def test_a_route_that_was_not_completed_is_no_success(end: End) -> None:
     assert not is_success(make_result(end=end))
+
+
+@pytest.mark.parametrize(("outcome", "end"), [(Outcome.FAILED, End.COMPLETED), (Outcome.COMPLETED, End.ENVIRONMENT)])
+def test_success_takes_both_the_outcome_and_the_end_of_the_route(outcome: Outcome, end: End) -> None:
+    assert not is_success(make_result(outcome=outcome, end=end))
 
 
 @pytest.mark.parametrize("score", [driving_score, is_success])

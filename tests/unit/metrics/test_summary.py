@@ -37,6 +37,7 @@ def test_the_fixed_numbers_of_four_episodes_by_hand() -> None:
     assert summary.efficiency == pytest.approx((150.0 + 90.0 + 0.0 + 0.0) / 4)
     assert summary.comfort == 100.0
     assert summary.ds == 50.0
+    assert summarize([make_result(trace=trace_of(40))], mode="fixed").comfort is None  # it stood
 
 
 def test_no_data_is_none_and_not_0() -> None:
@@ -57,8 +58,8 @@ def test_the_seeds_of_a_route_are_averaged_before_the_routes() -> None:
 def test_no_episode_an_infra_error_and_an_unknown_mode_are_refused() -> None:
     with pytest.raises(ComparisonError, match="no episode"):
         summarize([])
-    with pytest.raises(ComparisonError, match="1 of 2 episodes"):
-        summarize([make_result(), crashed_simulation("2")])
+    with pytest.raises(ComparisonError, match=r"2 of 3 episodes.* first: driver on 2 "):
+        summarize([make_result(), crashed_simulation("2"), crashed_simulation("3")])
     with pytest.raises(UnknownNameError, match="bench2drive"):
         summarize([make_result()], mode="bench2driv")
 

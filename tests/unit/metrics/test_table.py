@@ -37,6 +37,17 @@ def test_the_mode_reaches_the_metrics() -> None:
     assert METRICS["efficiency"].measure(results, mode="fixed") == 40.0
 
 
+def test_what_a_judge_reads_of_a_route_is_the_mean_over_its_seeds_and_none_without_data() -> None:
+    clean = [scored("1", score, seed=seed) for seed, score in enumerate((100.0, 60.0))]
+    late = [scored("1", score, seed=seed, setting="200 ms latency") for seed, score in enumerate((50.0, 20.0))]
+    silent = [make_result(speed_ratios_pct=[])]
+
+    assert METRICS["RD"].of_route(late, clean=clean) == (35.0, 80.0)
+    assert METRICS["DS"].of_route(late, clean=clean) == (35.0, 0.0)
+    assert METRICS["efficiency"].of_route(silent) is None
+    assert METRICS["efficiency"].of_route(silent, mode="fixed") == (0.0, 0.0)
+
+
 def test_only_rd_needs_the_clean_episodes() -> None:
     assert [name for name, metric in METRICS.items() if metric.needs_clean] == ["RD"]
     clean, perturbed = [scored("1", 80.0)], [scored("1", 60.0, setting="occlusion 0.5")]

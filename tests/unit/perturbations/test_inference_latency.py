@@ -97,6 +97,13 @@ def test_a_replay_of_the_measured_times_repeats_the_episode(times_s: list[float]
     assert not replay.measures_inference
 
 
+def test_a_command_that_an_earlier_latency_repeats_is_no_inference_to_measure() -> None:
+    stack = started(Setting.parse("50 ms latency and measured latency"))
+    ran, _ = drive(stack, 20, inference_s=lambda _: 0.2)
+    assert ran == [0, 4, 8, 12, 16]
+    assert stack.inference_s == (0.2,) * 5
+
+
 def test_a_recording_of_another_episode_is_noticed() -> None:
     stack = started(InferenceLatency(mode="measured", replay_s=(0.05, 0.05)))
     with pytest.raises(PerturbationError, match="the times of 2 inferences, but the agent ran once more"):

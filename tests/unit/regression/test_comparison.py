@@ -81,6 +81,26 @@ def test_the_same_seeds_without_one_changed_score_pass_on_any_number_of_routes()
         assert (other.findings[0].rule, other.verdict) == ("evidence", "inconclusive")
 
 
+def test_one_route_of_other_seeds_makes_them_other_seeds() -> None:
+    old = cell([80.0] * 10)
+    stray = route_score("7", 55.0, seed=1)
+    (found,) = compare(snapshot(old), snapshot(replace(old, routes={**old.routes, "7": stray}))).cells
+    assert not found.same_seeds
+    assert (found.findings[0].rule, found.verdict) == ("evidence", "inconclusive")
+
+
+def test_what_is_open_is_told_only_where_something_changed_and_was_judged() -> None:
+    old, other = snapshot(cell([80.0] * 10)), snapshot(cell([80.0] * 10, seed=1))
+    (unchanged,) = compare(old, other).cells
+    assert (unchanged.verdict, unchanged.is_open) == ("inconclusive", False)
+    (changed,) = compare(old, snapshot(cell([79.0] * 10, seed=1))).cells
+    assert (changed.verdict, changed.is_open) == ("inconclusive", True)
+    weak, weaker = (snapshot(cell([score] * 10, setting="occlusion 0.5", seed=1)) for score in (80.0, 79.0))
+    (error,) = compare(weak, weaker, terms("ds:-5%", "rd:+0.05", kind="evidence")).cells
+    assert [finding.is_open for finding in error.findings] == [True, False]
+    assert (error.verdict, error.is_open) == ("error", False)
+
+
 def test_few_routes_are_told_about() -> None:
     old = snapshot(cell([80.0] * 3))
     assert compare(old, old).notes == ()
@@ -187,6 +207,33 @@ def test_rd_without_clean_episodes_is_an_error_not_a_pass() -> None:
     assert found.verdict == "error"
     assert "clean episodes" in found.findings[0].problem
     assert found.regressed
+    worse = snapshot(cell([score * 0.5 for score in BUSY], setting="200 ms latency"))
+    (found,) = compare(weak, worse, terms("ds:-5%", "rd:+0.05")).cells
+    assert [finding.verdict for finding in found.findings] == ["fail", "error"]
+    assert found.verdict == "error"
+
+
+def test_rd_under_a_setting_with_a_warm_up_reads_the_clean_scores_of_that_warm_up() -> None:
+    warm, late = "0 ms latency (reading=released)", "200 ms latency (reading=released)"
+    run = snapshot(cell([100.0] * 4), cell([80.0] * 4, setting=warm), cell([60.0] * 4, setting=late))
+    assert compare(run, run).cells[2].before.rd == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize("lacking", ["before", "after"])
+def test_rd_is_of_the_routes_whose_clean_scores_both_runs_have(lacking: str) -> None:
+    weak = cell([50.0, 50.0, 0.0], setting="200 ms latency")
+    whole, short = snapshot(cell([100.0, 100.0, 100.0]), weak), snapshot(cell([100.0, 100.0]), weak)
+    old, new = (short, whole) if lacking == "before" else (whole, short)
+    found = compare(old, new, terms("rd:+0.05", kind="point")).cells[1]
+    assert (found.routes, found.findings[0].routes, found.findings[0].verdict) == (3, 2, "pass")
+    assert found.before.rd == found.after.rd == 0.5
+
+
+def test_one_route_that_was_driven_in_another_world_is_found_among_the_others() -> None:
+    new = cell(BUSY)
+    stray = route_score("7", BUSY[6], fingerprint=with_versions(fake="2"))
+    (refusal,) = compare(snapshot(cell(BUSY)), snapshot(replace(new, routes={**new.routes, "7": stray}))).refusals
+    assert refusal.text == "the simulator was fake (1) and is fake (2)"
 
 
 def test_what_got_worse_is_told_apart_from_what_was_not_scored() -> None:
@@ -265,6 +312,15 @@ def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> N
     assert comparison.regressed
 
 
+def test_a_run_that_stopped_at_its_verdicts_is_refused_in_one_sentence() -> None:
+    new = replace(cell(BUSY[:5]), stopped=("5 of 64 routes of routes.xml",))
+    (refusal,) = compare(snapshot(cell(BUSY)), snapshot(new, label="new")).refusals
+    assert refusal.text == (
+        "new was driven until its verdicts were in, which says nothing about two runs: "
+        "5 of 64 routes of routes.xml under clean"
+    )
+
+
 def test_settings_that_one_run_lacks_are_notes() -> None:
     old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), label="old")
     new = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.8"), label="new")
@@ -272,6 +328,8 @@ def test_settings_that_one_run_lacks_are_notes() -> None:
         "not in new: driver under occlusion 0.5",
         "not in old: driver under occlusion 0.8",
     )
+    assert compare(old, new).elsewhere == 2
+    assert compare(old, old).elsewhere == 0
 
 
 def test_two_agents_of_other_names_are_compared_when_there_is_no_doubt() -> None:

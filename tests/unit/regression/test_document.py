@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.options.run import RunOptions
@@ -32,3 +33,16 @@ def test_an_agent_is_compared_by_what_its_own_episodes_depend_on() -> None:
     assert len(told) == 2
     assert "torch was 2.4 and is 2.5" in told
     assert any("whose torch computes otherwise" in text for text in told)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_what_one_set_of_routes_lacks_is_told_whatever_the_other_sets_hold(order: int) -> None:
+    results = {"a": make_result("1"), "b": make_result("2")}
+    needed = [
+        EpisodesNeeded("driver", "dev10", "clean", (0,), ("a", "lost"), ()),
+        EpisodesNeeded("driver", "full", "clean", (0,), ("b",), ()),
+    ]
+    run = RunResult.of(RunOptions(), [*needed[::order], Used(("a", "b"))], results.get, versions={})
+    (cell,) = snapshot_of(run_as_json(run), label="run").cells.values()
+    assert sorted(cell.routes) == ["1", "2"]
+    assert cell.broken == ("1 episodes were not driven, as the run ended before",)

@@ -11,7 +11,7 @@ from snapshot_factory import cell, snapshot
 
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
-from pytest_drive_robust.regression.verdicts import Quartet, judge_rise, rise_of
+from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, rise_of
 from pytest_drive_robust.report.comparison import comparison_text
 
 
@@ -33,6 +33,30 @@ def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(kind) 
     assert verdict(80.0, 29.0) == verdict(29.0, 80.0) == verdict(0.001, 0.001) == "inconclusive"
     assert verdict(80.0, 29.0, kept_after=0.2) == "fail"
     assert verdict(80.0, 0.0) == "inconclusive"
+
+
+@pytest.mark.parametrize(
+    ("text", "held", "missed"),
+    [("ds:-5%", 0.98, 0.7), ("ds:-5", 0.98, 0.7), ("sr:-5%", 0.99, 0.7), ("sr:-0.05", 0.99, 0.7)],
+)
+def test_evidence_decides_a_drop_in_the_unit_of_its_metric(text: str, held: float, missed: float) -> None:
+    (allowance,) = parse_allowances([text], source="test")
+
+    def verdict(kept: float) -> str:
+        return judge_drop([(allowance.top, allowance.top * kept)] * 100, allowance)
+
+    assert (verdict(held), verdict(missed)) == ("pass", "fail")
+
+
+@pytest.mark.parametrize("kind", ["list", "point"])
+def test_what_rises_by_exactly_the_allowance_passes(kind) -> None:
+    def verdict(percent: int, kept_after: float) -> str:
+        (allowance,) = parse_allowances([f"rd:+{percent / 100}"], source="test")
+        return judge_rise(quartets_of(90.0, 80.0, kept_before=0.9, kept_after=kept_after), allowance, kind=kind)
+
+    for percent in range(1, 60):  # in some of them rounding is against it
+        assert verdict(percent, 0.9 - percent / 100) == "pass"
+        assert verdict(percent, 0.9 - percent / 100 - 1e-6) == "fail"
 
 
 @pytest.mark.parametrize("routes", [20, 44, 220])
@@ -134,8 +158,11 @@ def test_of_two_runs_without_any_change_nothing_is_said() -> None:
 
 
 def test_a_setting_with_a_route_that_was_not_scored_has_no_rise() -> None:
-    before = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"))
-    after = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m", broken=("5: the agent raised",)))
-    comparison = compare(before, after)
-    assert all(found.rise is None for found in comparison.cells)
-    assert comparison.mean_rises == {}
+    whole = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m"))
+    broken = snapshot(cell(CLEAN), cell(CLEAN, setting="GPS noise 5 m", broken=("5: the agent raised",)))
+    for before, after in ((whole, broken), (broken, whole)):
+        comparison = compare(before, after)
+        assert all(found.rise is None for found in comparison.cells)
+        assert comparison.mean_rises == {}
+    assert compare(whole, whole).cells[1].rise is not None
+    assert compare(whole, whole).mean_rises == {}, "one setting has no mean"

@@ -102,6 +102,10 @@ def test_an_open_verdict_counts_as_failing_only_where_it_fails_its_test(
     assert line.startswith(told)
 
 
+def test_a_waiver_of_what_could_not_be_judged_is_not_called_superfluous() -> None:
+    assert Waivers([WAIVER]).review([judged("error")], whole=True) == []
+
+
 def test_a_waiver_that_matches_nothing_is_a_warning_only_when_everything_ran() -> None:
     others = [judged("pass", sentence="DS under clean >= 60", nodeid="t.py::t[ds]")]
     (line,) = Waivers([WAIVER]).review(others, whole=True)

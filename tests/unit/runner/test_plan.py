@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import pytest
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations import InferenceLatency, Perturbation, Setting
 from pytest_drive_robust.runner.plan import Scope, first_of_each_agent, planned_order, routes_in_order
 from pytest_drive_robust.testing import fake_route
-from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.requirement import Requirement, requirement
 
 ROUTES = (fake_route("1"), fake_route("2"))
 SCOPE = Scope("driver", "two", ROUTES, (0, 1))
@@ -67,6 +68,23 @@ def test_a_limit_that_asks_much_likely_takes_more_routes():
     ]
     assert takes == sorted(takes, reverse=True)
     assert takes[0] > takes[-1]
+
+
+def test_the_judge_of_a_plan_has_the_numbers_of_its_rule_and_only_a_degradation_has_a_floor():
+    rule = VerdictRule("evidence", alpha=0.04, clean_floor=40.0, family=2)
+    degradation, score = (
+        many().verdict_plan(wanted, rule).judge()
+        for wanted in (requirement("RD", LATENCY) <= 0.3, requirement("DS", LATENCY) >= 30)
+    )
+    assert (degradation.floor, score.floor) == (40.0, 0.0)
+    for judge in (degradation, score):
+        assert (judge.needed, judge.needed_for_fail) == pytest.approx((5 / 0.04, 5 / 0.02))
+
+
+def test_a_function_over_all_episodes_is_compared_whatever_the_rule():
+    metric = Metric.from_function("ticks", lambda results: float(results[0].ticks))
+    plan = many().verdict_plan(Requirement(metric, LATENCY, "<=", 30.0), VerdictRule("evidence"))
+    assert (plan.kind, plan.likely_routes) == ("point", 40)
 
 
 def test_a_comparison_of_values_takes_all_routes():

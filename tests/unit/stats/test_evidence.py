@@ -6,9 +6,12 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import (
     LinearForms,
+    Wealth,
     degradation_forms,
+    fail_p_value,
     last_fail_p,
     mean_below_zero_p,
     mean_forms,
@@ -141,11 +144,28 @@ def test_a_rule_that_decides_nothing_is_refused(make: object) -> None:
         make()  # type: ignore[operator]
 
 
+@pytest.mark.parametrize("value", [-1.1, -math.inf, math.nan])
+def test_a_bet_on_a_value_below_its_range_is_refused(value: float) -> None:
+    with pytest.raises(ComparisonError, match="outside the range"):
+        Wealth().bet(value)
+
+
+def test_a_bet_on_a_value_that_only_rounding_put_below_its_range_is_one_on_its_end() -> None:
+    assert Wealth().bet(-1.0 - 1e-12) == Wealth().bet(-1.0) == pytest.approx((0.8 + 0.5 + 0.1) / 3.0, rel=1e-15)
+
+
 @pytest.mark.parametrize(("routes", "short"), [(20, 1.0), (20, 30.0), (44, 2.0), (220, 5.0)])
 def test_routes_that_all_lose_the_same_leave_the_chance_that_none_was_drawn_of_those_that_lose_nothing(
     routes: int, short: float
 ) -> None:
     assert unseen_p([-short] * routes, 100.0) == pytest.approx((100.0 / (100.0 + short)) ** routes)
+
+
+def test_scores_without_a_reference_above_0_are_no_evidence_of_a_fail() -> None:
+    forms = degradation_forms(0.30, comparison=">=")
+
+    assert fail_p_value(forms, [50.0] * 30, [0.0] * 30) == 1.0
+    assert fail_p_value(forms, [50.0] * 30, [1.0] * 30) < 0.05
 
 
 losses = st.lists(st.floats(-100.0, 100.0), min_size=20, max_size=60)

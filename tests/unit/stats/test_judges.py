@@ -155,7 +155,7 @@ def test_a_list_disagrees_with_the_full_list_at_most_alpha_of_the_shuffles(limit
     assert used < 120 * shuffles
 
 
-def test_a_list_that_ends_before_its_end_is_inconclusive_and_one_route_more_is_refused() -> None:
+def test_a_list_that_ends_before_its_end_is_inconclusive_and_one_route_more_changes_nothing() -> None:
     judge = ListJudge(RULE, planned=20)
     judge.read(70.0, 100.0)
     assert judge.close() == "inconclusive"
@@ -165,6 +165,8 @@ def test_a_list_that_ends_before_its_end_is_inconclusive_and_one_route_more_is_r
         judge.close()
     assert judge.read(70.0, 100.0) == "pass"
     assert judge.read(0.0, 100.0) == "pass"
+    with pytest.raises(ComparisonError, match="the list has 0 routes, but one more was read"):
+        ListJudge(RULE, planned=0).read(70.0, 100.0)
 
 
 def test_a_list_without_a_range_bets_nothing_and_is_read_to_the_end() -> None:
@@ -184,6 +186,22 @@ def test_a_score_that_cannot_be_is_refused(kind: str, wrong: float) -> None:
 def test_nothing_read_is_an_error(kind: str) -> None:
     with pytest.raises(ComparisonError, match="no pair"):
         judge_by(kind, RULE, planned=5).close()  # type: ignore[arg-type]
+
+
+def test_a_fail_that_must_be_surer_takes_more_routes_and_a_pass_does_not() -> None:
+    def taken(pair: tuple[float, float], fail_alpha: float) -> tuple[str, int]:
+        return read(judge_by("evidence", RULE, planned=60, fail_alpha=fail_alpha), [pair] * 60)
+
+    usual, surer = taken((90.0, 10.0), 0.05), taken((90.0, 10.0), 0.005)
+    assert usual[0] == surer[0] == "fail"
+    assert usual[1] < surer[1] < 60
+    assert taken((90.0, 90.0), 0.005) == taken((90.0, 90.0), 0.05)
+
+
+@pytest.mark.parametrize("fail_alpha", [0.0, -0.01, 0.051])
+def test_a_fail_that_may_be_less_sure_than_a_pass_is_refused(fail_alpha: float) -> None:
+    with pytest.raises(ValueError, match="the alpha of a fail is"):
+        EvidenceJudge(RULE, alpha=0.05, fail_alpha=fail_alpha)
 
 
 def test_while_no_reference_moved_evidence_waits_for_one_that_does() -> None:

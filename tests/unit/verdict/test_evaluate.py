@@ -26,7 +26,7 @@ from pytest_drive_robust.perturbations import (
     SpeedNoise,
 )
 from pytest_drive_robust.stats.evidence import fail_p_value
-from pytest_drive_robust.stats.intervals import ratio_interval, share_interval
+from pytest_drive_robust.stats.intervals import evidence_interval, ratio_interval, share_interval
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, immunity, measure, require_touched
 from pytest_drive_robust.verdict.requirement import Requirement, requirement
 from pytest_drive_robust.verdict.sentences import requirements
@@ -140,6 +140,19 @@ def test_at_the_floor_a_degradation_counts_and_other_metrics_have_no_floor() -> 
     assert (score.decision, score.reason) == ("pass", "")
 
 
+@pytest.mark.parametrize(("floor", "decision"), [(25.0, "pass"), (25.1, "inconclusive")])
+def test_the_floor_is_that_of_the_rule(floor: float, decision: str) -> None:
+    verdict = evaluate(
+        requirements(RD)[0],
+        agent="driver",
+        clean=drives([25.0] * 4),
+        perturbed=drives([25.0] * 4, setting=LATE),
+        verdict_rule=VerdictRule("point", clean_floor=floor),
+    )
+
+    assert verdict.decision == decision
+
+
 def test_no_data_for_a_metric_is_an_error_and_never_passes() -> None:
     silent = [make_result(speed_ratios_pct=[], trace=trace_of(1))]
 
@@ -154,6 +167,50 @@ def test_the_mode_decides_what_counts() -> None:
 
     assert evaluate(sentence, agent="driver", clean=[], perturbed=stuck).passed
     assert not evaluate(sentence, agent="driver", clean=[], perturbed=stuck, mode="fixed").passed
+
+
+@pytest.mark.parametrize("decision", [None, "pass"])
+def test_the_mode_decides_what_the_interval_is_of(decision: str | None) -> None:
+    stuck = [make_result(str(number), speed_ratios_pct=[100.0] if number % 2 else []) for number in range(40)]
+    verdict = evaluate(
+        requirements("efficiency under clean >= 20")[0],
+        agent="driver",
+        clean=[],
+        perturbed=stuck,
+        mode="fixed",
+        verdict_rule=VerdictRule("evidence"),
+        decision=decision,
+    )
+
+    assert verdict.value == 50.0
+    assert verdict.low < 50.0 < verdict.high
+
+
+@pytest.mark.parametrize("planned", [24, 60])
+def test_the_interval_of_evidence_is_that_of_its_rule_and_comparison(planned: int) -> None:
+    before, after = [90.0, 100.0, 60.0] * 8, [60.0, 20.0, 60.0] * 8
+    verdict = evaluate(
+        requirements("RD under 200 ms latency >= 0.30")[0],
+        agent="driver",
+        clean=drives(before),
+        perturbed=drives(after, setting=LATE),
+        verdict_rule=VerdictRule("evidence", alpha=0.01),
+        decision="inconclusive",
+        planned=planned,
+    )
+
+    ended = planned == 24
+    assert (verdict.low, verdict.high) == evidence_interval(before, after, 0.01, ended=ended, comparison=">=")
+    assert (verdict.routes, verdict.planned) == (24, planned)
+
+
+def test_a_degradation_under_a_setting_with_a_warm_up_is_compared_with_that_warm_up_only() -> None:
+    warm = "200 ms latency (mode=hold, warmup_ticks=20)"
+    clean, late = drives([90.0, 80.0]), drives([80.0, 80.0], setting=str(Setting.parse(warm)))
+
+    with pytest.raises(ComparisonError, match=r"under '0 ms latency .*', but got driver on 0 under clean"):
+        evaluate(requirements(f"RD under {warm} <= 0.3")[0], agent="driver", clean=clean, perturbed=late)
+    assert evaluate(requirements(f"DS under {warm} >= 60")[0], agent="driver", clean=clean, perturbed=late).passed
 
 
 def test_episodes_that_do_not_belong_are_refused() -> None:
@@ -190,6 +247,14 @@ def test_a_users_metric_that_needs_several_episodes_has_a_value_of_two_routes_an
     results = [make_result(str(ticks), trace=trace_of(ticks)) for ticks in (100, 200)]
     value, interval = measure(spread, clean=[], perturbed=results)
     assert (value, interval) == (pytest.approx(70.7, abs=0.1), (spread.low, spread.high))
+
+
+def test_a_users_metric_without_a_value_where_one_route_is_left_out_has_no_interval() -> None:
+    def known_with_the_first_route(results: Sequence[EpisodeResult]) -> float | None:
+        return float(len(results)) if any(result.episode.route_id == "0" for result in results) else None
+
+    metric = Metric.from_function("known", known_with_the_first_route)
+    assert measure(metric, clean=[], perturbed=drives([100.0, 50.0, 20.0])) == (3.0, (metric.low, metric.high))
 
 
 @pytest.mark.parametrize("nothing", [None, math.nan, math.inf])
@@ -276,7 +341,9 @@ def test_one_unlucky_episode_is_no_error() -> None:
 
 def test_what_nobody_recorded_is_taken_on_trust() -> None:
     setting = Setting.of(GpsNoise(std_m=0))
-    require_touched(setting, [make_result(setting=str(setting))])
+    unknown = make_result("9", setting=str(setting))
+    require_touched(setting, [unknown])
+    require_touched(setting, [*episodes(setting), unknown])
 
 
 def test_an_episode_that_never_got_under_way_shows_nothing_either_way() -> None:

@@ -13,6 +13,7 @@ from result_factory import make_result, trace_of
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError
+from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
     InferenceLatency,
@@ -20,9 +21,10 @@ from pytest_drive_robust.perturbations import (
     Perturbation,
     Setting,
 )
+from pytest_drive_robust.perturbations.readings import DriveReading
 from pytest_drive_robust.registry import registry
 from pytest_drive_robust.verdict.evaluate import evaluate
-from pytest_drive_robust.verdict.requirement import Requirement, known_metric, metric_names, requirement
+from pytest_drive_robust.verdict.requirement import Requirement, by_evidence, known_metric, metric_names, requirement
 from pytest_drive_robust.verdict.sentences import requirements
 
 LATE = Setting.of(InferenceLatency(ms=200))
@@ -57,6 +59,35 @@ def test_a_margin_that_is_not_cut_is_the_one_of_the_rule() -> None:
     assert (requirement("RD", LATE) <= 0.30).margin(VerdictRule()) == 0.1
     assert (requirement("DS") >= 60).margin(VerdictRule()) == 10.0
     assert (requirement("DS") >= 5).margin(VerdictRule()) == 2.5
+    assert (requirement("efficiency") >= 60).margin(VerdictRule()) == 10.0  # no upper end: in points, as a score's
+
+
+@pytest.mark.parametrize("wanted", [requirement("RD", LATE) <= 0.3, requirement("DS") >= 60, requirement("SR") >= 0.5])
+def test_what_so_many_routes_can_show_is_the_same_in_the_unit_of_every_metric(wanted: Requirement) -> None:
+    rule, surer = VerdictRule("evidence"), VerdictRule("evidence", alpha=0.01)
+
+    assert [wanted.advice(rule, routes).level for routes in (19, 20, 100, 200)] == ["refuse", "warn", "warn", "fine"]
+    assert wanted.advice(surer, 200).level == "warn"
+    assert wanted.advice(VerdictRule("evidence", margin=0.3), 19).level == "warn"
+    for kind in ("list", "point"):
+        assert wanted.advice(VerdictRule(kind), 1).level == "fine"
+
+
+def test_a_function_over_all_episodes_gives_no_verdict_from_evidence() -> None:
+    rule, score = VerdictRule("evidence"), requirement("DS") >= 60
+    ticks = Requirement(Metric.from_function("ticks", mean_ticks), LATE, "<=", 50.0)
+
+    assert ticks.advice(rule, 1).level == "fine"
+    assert [by_evidence(stated, rule) for stated in ([score, ticks], [ticks], [])] == [1, 0, 1]
+    assert by_evidence([score], VerdictRule("list")) == 0
+
+
+def test_a_margin_that_is_read_otherwise_is_still_a_margin() -> None:
+    (margin,) = requirements("latency margin >= 150 ms (RD <= 0.30)")
+    released = margin.read_as(DriveReading("released", "a test"))
+
+    assert str(released) == "latency margin >= 150 ms (RD <= 0.30, reading=released)"
+    assert margin.read_as(None) is margin
 
 
 def test_stacks_and_clean_have_an_object_form_too() -> None:

@@ -229,6 +229,19 @@ def test_a_damaged_episode_file_is_not_believed(tmp_path: Path) -> None:
     assert imported(folder, result).infractions == result.infractions
 
 
+def test_an_episode_file_that_tells_of_another_drive_is_not_believed(tmp_path: Path) -> None:
+    result = full_result()
+    folder = exported(tmp_path, [result])
+    (path,) = folder.glob("*/drive_robust.episode")
+    path.unlink()
+    write_episode(path, replace(result, episode=replace(result.episode, setting="occlusion 0.8")))
+    assert imported(folder, result).episode == result.episode
+    path.unlink()
+    write_episode(path, replace(result, infractions=()))
+    with pytest.raises(UsageError, match="edited after its export"):
+        imported(folder, result)
+
+
 def test_each_agent_setting_and_seed_is_a_result_set_of_its_own(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

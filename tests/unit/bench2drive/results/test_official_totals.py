@@ -50,6 +50,13 @@ def test_totals_equal_the_official_formulas(
     assert told["efficiency"] == (None if efficiency is None else pytest.approx(efficiency, abs=1e-9))
 
 
+def test_an_infraction_of_a_kind_that_nobody_knows_is_no_success(tmp_path: Path) -> None:
+    other = record("1")
+    other["infractions"]["collisions_unicorn"] = ["it was there"]
+    path = write(tmp_path / "results.json", document(other, record("2")))
+    assert [item.is_success for item in read_results(path).records] == [False, True]
+
+
 def test_a_folder_of_splits_counts_like_its_merged_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = record("1"), record("2", red_light=1)
     write(tmp_path / "split" / "b_0.json", document(first))

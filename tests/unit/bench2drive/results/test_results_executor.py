@@ -133,11 +133,39 @@ def test_a_fault_of_the_harness_is_never_a_score(tmp_path: Path, status: str) ->
         summarize([result])
 
 
-@pytest.mark.parametrize("status", ["Failed - Agent crashed", "Failed - Agent couldn't be set up"])
+@pytest.mark.parametrize(
+    "status",
+    ["Failed - Agent crashed", "Failed - Agent couldn't be set up", "Failed - Agent's sensors were invalid"],
+)
 def test_a_fault_of_the_agent_is_scored(tmp_path: Path, status: str) -> None:
     result = one(tmp_path, record("1", status=status, completion=30.0))
     assert result.outcome is Outcome.AGENT_ERROR
     assert driving_score(result) == 30.0
+
+
+@pytest.mark.parametrize(
+    ("status", "end"),
+    [
+        ("Failed - Agent deviated from the route", End.DEVIATED),
+        ("Failed - Agent got blocked", End.BLOCKED),
+        ("Failed - Agent timed out", End.TICK_CAP),
+        ("Failed - TickRuntime", End.TICK_CAP),
+    ],
+)
+def test_a_route_that_was_not_driven_to_its_end_is_scored_and_no_success(tmp_path: Path, status: str, end: End) -> None:
+    result = one(tmp_path, record("1", status=status, completion=30.0))
+    assert (result.outcome, result.end) == (Outcome.FAILED, end)
+    assert driving_score(result) == 30.0
+    assert not is_success(result)
+
+
+@pytest.mark.parametrize(("status", "missed"), [("Perfect", {}), ("Completed", {"red_light": 1})])
+def test_a_route_that_was_driven_to_its_end_succeeds_without_infractions_only(
+    tmp_path: Path, status: str, missed: dict[str, int]
+) -> None:
+    result = one(tmp_path, record("1", status=status, **missed))
+    assert (result.outcome, result.end) == (Outcome.COMPLETED, End.COMPLETED)
+    assert is_success(result) is not bool(missed)
 
 
 def test_repetitions_are_seeds(tmp_path: Path) -> None:
