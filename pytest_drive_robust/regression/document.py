@@ -108,8 +108,8 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
             if (scored := [item for item in items if item["driving_score"] is not None])
         }
         told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
-        if undriven.get(key):
-            told += (f"{undriven[key]} episodes were not driven, as the run ended before",)
+        if left := undriven.get(key):
+            told += (f"{left} {'episode was' if left == 1 else 'episodes were'} not driven, as the run ended before",)
         cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     return Snapshot(label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")

@@ -11,6 +11,7 @@ from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.report.pages.compared import comparison_data, flipped
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound
@@ -139,8 +140,8 @@ def _missing(records: RunRecords) -> list[str]:
         left = row["episodes_needed"] - row["episodes_finished"]
         if left > 0:
             lines.append(
-                f"{row['agent']} under {row['setting']}: {left} of {row['episodes_needed']} episodes were not driven, "
-                "because the run ended before."
+                f"{row['agent']} under {row['setting']}: {left} of {counted(row['episodes_needed'], 'episode')} not "
+                "driven, because the run ended before."
             )
     unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in records.results.values())
     if unread:

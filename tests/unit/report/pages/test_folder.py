@@ -230,7 +230,7 @@ def test_rows_tell_what_was_not_driven(tmp_path):
     run, find = document(make_result("101"))
     run["summaries"][0]["episodes_needed"] = 2
     write_pages(tmp_path, RunRecords.of(run, find, default_registry(), label="x"))
-    assert any("1 of 2 episodes were not driven" in note for note in data_of(tmp_path)["notes"])
+    assert any("1 of 2 episodes not driven" in note for note in data_of(tmp_path)["notes"])
 
 
 def test_every_kind_of_episode_can_be_shown(tmp_path):
