@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import os
@@ -18,6 +19,8 @@ from _pytest.pytester import SysModulesSnapshot
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
+
+gc.disable()  # until the tests are collected: what is loaded by then stays
 
 LIBRARIES = (
     "av",
@@ -190,6 +193,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         part_of[path] = part = len(part_of) % len(sizes) if path in slow else next(room, len(sizes) - 1)
         sizes[part] += counts[path]
     items.sort(key=lambda item: (part_of[item.path], item.path not in slow))
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, of what the tests make: in each worker a tenth of the collection was spent on it."""
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)
