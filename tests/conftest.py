@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import importlib.util
 import os
 import pkgutil
+from collections import Counter
 from collections.abc import Callable, Generator, Sequence
 from importlib import metadata
 from pathlib import Path
@@ -17,6 +19,8 @@ from _pytest.pytester import SysModulesSnapshot
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
+
+gc.disable()  # until the tests are collected: what is loaded by then stays
 
 LIBRARIES = (
     "av",
@@ -176,9 +180,24 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Run the files first that take long: what is left for the end is short, and no worker waits for another."""
+    """Run the files first that take long: what is left for the end is short, and no worker waits for another.
+
+    xdist gives each worker as many tests as the others, in this order: so each part begins with some of those files.
+    """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    counts = Counter(item.path for item in items)
+    sizes = [0] * int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    part_of: dict[Path, int] = {}
+    for path in sorted(counts, key=lambda path: path not in slow):
+        room = (part for part, size in enumerate(sizes) if size * len(sizes) < len(items))
+        part_of[path] = part = len(part_of) % len(sizes) if path in slow else next(room, len(sizes) - 1)
+        sizes[part] += counts[path]
+    items.sort(key=lambda item: (part_of[item.path], item.path not in slow))
+
+
+def pytest_collection_finish() -> None:
+    """Collect garbage again, of what the tests make: in each worker a tenth of the collection was spent on it."""
+    gc.enable()
 
 
 @pytest.hookimpl(optionalhook=True, wrapper=True)

@@ -1,16 +1,12 @@
-"""The committed sample of a report is what the pages are today, and small."""
+"""The committed sample of a report is what the pages are today, and small.
+
+The command of the README that writes one is run by `tests/readme/test_readme_snippets.py`.
+"""
 
 from __future__ import annotations
 
-import os
-import re
-import shlex
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
-import pytest
 from report_pages import data_of
 
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
@@ -37,19 +33,3 @@ def test_its_data_is_of_the_paper_suite_and_complete():
 
 def test_it_is_small():
     assert sum(file.stat().st_size for file in SAMPLE.rglob("*") if file.is_file()) < 2e6
-
-
-@pytest.mark.slow
-def test_the_command_of_the_readme_ends_with_the_path_of_a_report(tmp_path):
-    readme = (ROOT / "README.md").read_text(encoding="utf-8")
-    (command,) = re.findall(r"<!-- complete -->\n```sh\n(.*)\n```", readme)
-    shutil.copytree(ROOT / "suites", tmp_path / "suites", ignore=shutil.ignore_patterns("__pycache__"))
-    words = [sys.executable, "-m", *shlex.split(command), "-p", "no:cacheprovider", "-n", "0"]
-    words += ["--drive-routes", "601", "--drive-workers", "1", "-k", "clean or 100ms"]
-    kept = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST_", "COV_"))}
-    told = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False, env=kept)
-    assert told.returncode in (0, 1), told.stdout + told.stderr
-    after_table = told.stdout.partition("= drive-robust =")[2].splitlines()
-    path = next(line.removeprefix("report: ") for line in reversed(after_table) if line.startswith("report: "))
-    assert path in readme
-    assert (tmp_path / path).is_file()

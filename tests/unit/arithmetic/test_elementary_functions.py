@@ -125,19 +125,27 @@ def test_a_power_keeps_its_error_bound(x: float, y: float) -> None:
 SPECIAL = (0.0, -0.0, 1.0, -1.0, math.inf, -math.inf, math.nan, 1e22, -1e300, 5e-324, 1e-310, 0.4375, 2.4375, 1e6)
 
 
+def require_agreement(x: float) -> None:
+    for name in ONE:
+        expected = bits(getattr(scalars, name)(x))
+        if hasattr(arrays, name):
+            assert bits(float(getattr(arrays, name)(np.array([x]))[0])) == expected, name
+        if name in KERNELS:
+            assert bits(KERNELS[name](x)) == expected, name
+
+
 @settings(max_examples=1000, deadline=None)
 @given(x=st.floats())
 @example(x=math.pi)
 @example(x=709.782712893384)
 @example(x=-745.13)
 def test_floats_arrays_and_compiled_code_agree_to_the_bit(x: float) -> None:
-    for value in (x, *SPECIAL):
-        for name in ONE:
-            expected = bits(getattr(scalars, name)(value))
-            if hasattr(arrays, name):
-                assert bits(float(getattr(arrays, name)(np.array([value]))[0])) == expected, (name, value)
-            if name in KERNELS:
-                assert bits(KERNELS[name](value)) == expected, (name, value)
+    require_agreement(x)
+
+
+@pytest.mark.parametrize("x", SPECIAL)
+def test_they_agree_on_special_numbers(x: float) -> None:
+    require_agreement(x)
 
 
 @settings(max_examples=300, deadline=None)
@@ -156,12 +164,20 @@ def test_functions_of_two_numbers_agree_to_the_bit(x: float, y: float) -> None:
 _cosine_and_sine = _kernel(compiled.cos_sin)
 
 
+def require_both(x: float) -> None:
+    expected = bits(scalars.cos(x)), bits(scalars.sin(x))
+    for pair in (scalars.cos_sin(x), _cosine_and_sine(x)):
+        assert (bits(pair[0]), bits(pair[1])) == expected
+
+
 @given(x=st.one_of(st.floats(), numbers(-1e6, 1e6)))
 def test_a_cosine_and_a_sine_together_are_those_of_each_alone(x: float) -> None:
-    for value in (x, *SPECIAL):
-        expected = bits(scalars.cos(value)), bits(scalars.sin(value))
-        for pair in (scalars.cos_sin(value), _cosine_and_sine(value)):
-            assert (bits(pair[0]), bits(pair[1])) == expected, value
+    require_both(x)
+
+
+@pytest.mark.parametrize("x", SPECIAL)
+def test_a_cosine_and_a_sine_of_special_numbers_too(x: float) -> None:
+    require_both(x)
 
 
 @given(x=st.floats(), y=st.floats())

@@ -18,13 +18,13 @@ def _stand(overtake: Overtake, image: NDArray[np.uint8], points: NDArray[np.floa
 
 
 def test_it_goes_around_what_stands_in_its_lane_and_comes_back() -> None:
-    overtake = Overtake()
-    _stand(overtake, road())
+    overtake, image = Overtake(), road()
+    _stand(overtake, image)
     assert overtake.passing
     nothing = np.empty(0)
     offsets = []
     for _ in range(70):
-        overtake.update(road(), nothing, nothing, speed_mps=5.0, ticks=1, allowed=True)
+        overtake.update(image, nothing, nothing, speed_mps=5.0, ticks=1, allowed=True)
         offsets.append(overtake.offset_m)
     assert min(offsets) < -3.0
     assert offsets[-1] == 0.0
@@ -42,27 +42,27 @@ def test_it_waits_behind_brake_lamps_and_in_front_of_a_lane_in_use() -> None:
 
 
 def test_it_falls_back_when_what_stood_there_drives_off() -> None:
-    overtake = Overtake()
-    _stand(overtake, road())
+    overtake, image = Overtake(), road()
+    _stand(overtake, image)
     for tick in range(20):
         ahead = np.full(2, 8.0 + 0.4 * tick)
-        overtake.update(road(), ahead, np.array([0.0, 0.3]), speed_mps=1.0, ticks=1, allowed=True)
+        overtake.update(image, ahead, np.array([0.0, 0.3]), speed_mps=1.0, ticks=1, allowed=True)
     assert not overtake.passing
 
 
 def test_one_look_in_four_ticks_waits_and_moves_aside_for_as_long() -> None:
-    often, seldom = Overtake(), Overtake()
+    often, seldom, image = Overtake(), Overtake(), road()
     begins = []
     for overtake, ticks in ((often, 1), (seldom, 4)):
         tick = 0
         while not overtake.passing:
-            overtake.update(road(), *_BLOCK.T, speed_mps=0.0, ticks=ticks, allowed=True)
+            overtake.update(image, *_BLOCK.T, speed_mps=0.0, ticks=ticks, allowed=True)
             tick += ticks
         begins.append(tick)
     assert abs(begins[0] - begins[1]) <= 4
     nothing = np.empty(0)
     for overtake, ticks in ((often, 1), (seldom, 4)):
         for _ in range(0, 12, ticks):
-            overtake.update(road(), nothing, nothing, speed_mps=5.0, ticks=ticks, allowed=True)
+            overtake.update(image, nothing, nothing, speed_mps=5.0, ticks=ticks, allowed=True)
     assert abs(often.offset_m - seldom.offset_m) < 1e-9
     assert often.offset_m < -1.0
