@@ -96,7 +96,7 @@ def test_control_c_ends_and_keeps_what_is_finished(campaign, engine, times):
     assert "Exception ignored" not in output
     assert (campaign.begun(), len(campaign.stored())) == (STORED + SLOTS[engine], STORED)
     campaign.go()
-    assert campaign.run(*ENGINES["inline"]) == 0, (campaign.folder / "output.txt").read_text()
+    assert campaign.run() == 0, (campaign.folder / "output.txt").read_text()
     assert len(campaign.stored()) == campaign.episodes
     assert campaign.begun() == campaign.episodes + SLOTS[engine], "what was finished is not driven again"
 
@@ -146,7 +146,7 @@ def test_a_killed_worker_of_xdist_costs_its_test_and_what_it_drove(campaign, vic
     begun, stored = campaign.begun(), len(campaign.stored())
     assert 1 <= begun - stored <= 1 + cut_off
     assert stored == campaign.episodes or cut_off
-    assert campaign.run(*ENGINES["inline"]) == 0
+    assert campaign.run() == 0
     assert len(campaign.stored()) == campaign.episodes
     assert campaign.begun() - begun == campaign.episodes - stored, "what was finished is not driven again"
 
