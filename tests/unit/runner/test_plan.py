@@ -54,6 +54,14 @@ def test_a_reading_goes_through_the_routes_in_planned_order_clean_first():
     assert plan.requests(0, 3) == plan.requests(0)[:6]
 
 
+def test_a_route_is_read_with_all_of_its_seeds():
+    plan = SCOPE.verdict_plan(requirement("RD", LATENCY) <= 0.3, VerdictRule())
+    for route in plan.routes:
+        assert len({task.route.id for task in route.requests}) == 1
+        asked = [(task.episode.setting, task.episode.seed) for task in route.requests]
+        assert asked == [("clean", 0), ("clean", 1), (str(LATENCY), 0), (str(LATENCY), 1)]
+
+
 @pytest.mark.parametrize(("rule", "limit"), [("evidence", 0.2), ("evidence", 0.6), ("list", 0.2)])
 def test_a_verdict_that_may_stop_early_likely_takes_some_of_the_routes(rule, limit):
     plan = many().verdict_plan(requirement("RD", LATENCY) <= limit, VerdictRule(rule))
