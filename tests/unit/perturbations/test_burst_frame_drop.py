@@ -43,6 +43,13 @@ def test_the_first_frame_of_an_episode_is_delivered_and_starts_no_burst() -> Non
     assert stale_ticks(driven) == list(range(1, 100))
 
 
+def test_the_record_of_the_last_burst_ends_with_the_episode() -> None:
+    stack = started(BurstFrameDrop(length_s=3.0, probability=1.0))
+    for tick in range(100):
+        stack.observe(observation_at(tick))
+    assert [(item.first_tick, item.last_tick) for item in stack.schedule()] == [(1, 60), (61, 99)]
+
+
 def test_an_episode_that_is_looked_at_late_has_no_earlier_frame_to_repeat() -> None:
     driven = observed(BurstFrameDrop(length_s=3.0, probability=1.0), [30, 31])
     assert [seen.cameras["front"].tick for seen in driven] == [30, 30]

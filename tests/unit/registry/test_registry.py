@@ -192,6 +192,12 @@ def test_a_wrong_reference_says_what_is_wrong_with_it(tmp_path: Path, monkeypatc
         registry.agent("folder/my_agent.py:Agent")
 
 
+@pytest.mark.parametrize("half", ["some_module:", ":Agent", ":"])
+def test_half_a_reference_is_an_unknown_name(half: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"no agent named {half!r}"):
+        Registry().agent(half)
+
+
 def test_a_simulator_is_made_with_the_options_and_may_be_a_reference() -> None:
     registry = Registry()
     registry.register_simulator("fake", FakeSimulator)

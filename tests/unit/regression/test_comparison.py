@@ -319,6 +319,13 @@ def test_routes_that_the_new_run_lacks_refuse_and_settings_that_it_lacks_are_not
     assert not compare(old, whole).mismatches
 
 
+def test_five_routes_that_the_new_run_lacks_are_all_named() -> None:
+    old, new = snapshot(cell(BUSY[:10])), snapshot(cell(BUSY[:5]), label="new")
+    assert [item.text for item in compare(old, new).refusals] == [
+        "new lacks routes of run: 5 of 10 under clean (6, 7, 8, 9, 10)"
+    ]
+
+
 def test_a_setting_without_one_common_route_lacks_routes_too() -> None:
     old = snapshot(cell({"1": 100.0}), cell({"1": 100.0}, setting="occlusion 0.5"))
     new = snapshot(cell({"1": 100.0}), cell({"2": 100.0}, setting="occlusion 0.5"), label="new")
@@ -401,6 +408,11 @@ def test_a_changed_agent_is_told_and_never_refused() -> None:
     )
 
 
+def test_what_was_not_known_of_an_agent_before_is_no_change_of_it() -> None:
+    old = snapshot(cell(BUSY, fingerprint=replace(PRINT, agent=AgentPrint())))
+    assert compare(old, snapshot(cell(BUSY))).mismatches == ()
+
+
 @pytest.mark.parametrize(("before", "after", "told"), [("aa", "bb", 1), ("aa", "aa", 0), (None, "bb", 0)])
 def test_another_machine_matters_only_to_agents_whose_bits_depend_on_it(
     before: str | None, after: str | None, told: int
@@ -414,7 +426,9 @@ def test_another_machine_matters_only_to_agents_whose_bits_depend_on_it(
 
 
 def test_routes_whose_content_was_not_recorded_are_no_mismatch() -> None:
-    assert not compare(snapshot(cell(BUSY, digest="")), snapshot(cell(BUSY))).mismatches
+    recorded, not_recorded = snapshot(cell(BUSY)), snapshot(cell(BUSY, digest=""))
+    assert not compare(not_recorded, recorded).mismatches
+    assert not compare(recorded, not_recorded).mismatches
 
 
 def test_the_seeds_of_a_route_are_one_value_and_the_worst_of_them_is_told() -> None:

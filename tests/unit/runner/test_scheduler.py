@@ -164,6 +164,23 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
     assert diary.reused_routes == ["0"]
 
 
+def test_what_others_drove_and_gave_back_is_begun_in_its_order():
+    store = MemoryStore()
+    claims, held = store.claim, {task.key for task in TASKS[1:3]}
+    store.claim = lambda key: None if key in held else claims(key)  # type: ignore[method-assign]
+
+    class Patient(Diary):
+        def ticked(self) -> None:
+            held.clear()
+            self.waits += 1
+            if self.waits == 3:
+                self.hands.finish("0")
+
+    scheduler, hands, _ = scheduler_of(slots=4, store=store, observer=Patient)
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:4])
+    assert hands.begun == ["0", "3", "1", "2"]
+
+
 def test_a_claim_that_becomes_free_is_taken():
     store = MemoryStore()
     claims, refusals = store.claim, iter([True, True])
