@@ -155,6 +155,17 @@ def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
         registry.agent("half")
 
 
+def test_what_an_agent_has_from_its_constructor_counts() -> None:
+    class Delegates:
+        def __init__(self) -> None:
+            other = _scripted()
+            self.sensors, self.reset, self.act = other.sensors, other.reset, other.act
+
+    registry = Registry()
+    registry.register_agent("delegating", Delegates)
+    assert registry.agent("delegating").act(None) == Control()  # type: ignore[arg-type]
+
+
 def test_an_agent_whose_factory_raises_is_named() -> None:
     def without_weights() -> ScriptedAgent:
         raise FileNotFoundError("weights.pt")
@@ -426,6 +437,12 @@ def failure(phrase: str) -> type[Perturbation]:
 def test_a_sentence_that_cannot_be_read_back_is_refused_where_it_is_registered(phrase: str, message: str) -> None:
     with pytest.raises(PluginError, match=rf"perturbation 'dimmed' from .* cannot be used: .*{message}"):
         Registry().register_perturbation(failure(phrase))
+
+
+def test_a_phrase_that_would_be_read_out_of_the_sentence_of_another_failure_is_refused() -> None:
+    body = {"__annotations__": {"kind": str}, "kind": "red", "phrase": "{kind} ms latency"}
+    with pytest.raises(PluginError, match="'200 ms latency' is a sentence of Tinted and of InferenceLatency"):
+        Registry().register_perturbation(dataclass(type("Tinted", (Perturbation,), body)))
 
 
 def test_a_phrase_that_became_a_severity_is_refused_where_it_is_registered() -> None:
