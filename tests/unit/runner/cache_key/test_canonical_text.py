@@ -51,7 +51,8 @@ def test_values_of_different_kinds_have_different_text():
 
 
 def test_the_order_in_which_a_set_was_filled_does_not_count():
-    one, other = {0, 8, "a"}, {8, 0, "a"}
+    up, down = [0, 8, 16], [16, 8, 0]  # they share a place, so their set keeps them in the order in which they came
+    one, other = set(up), set(down)
     assert canonical_text(one) == canonical_text(other) == canonical_text(frozenset(one))
 
 
