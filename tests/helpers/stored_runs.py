@@ -9,9 +9,12 @@ from result_factory import crashed_simulation, scored
 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.references import StoredRuns
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.results.run import Run
 from pytest_drive_robust.store.events import EpisodesNeeded, Event, Identified, Spared, Used
 
 SCORES = [100.0, 60.0, 100.0, 36.0] * 10
@@ -46,3 +49,11 @@ def document(
 def store_run(name: str, **given: object) -> Path:
     """Store `document` of the other arguments as `name` below the current folder; return its file."""
     return StoredRuns(Path.cwd()).save(document(**given), name=name)  # type: ignore[arg-type]
+
+
+def run_of(*results: EpisodeResult) -> Run:
+    """Return a run of the embedded world as `read_run` does, with the traces of these episodes."""
+    found = {str(number): result for number, result in enumerate(results)}
+    needed = [EpisodesNeeded("driver", "101", result.episode.setting, (0,), (key,)) for key, result in found.items()]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(tuple(found))], found.get, versions={})
+    return Run.of(RunRecords.of(run_as_json(run), found.get, default_registry(), label="a run"))

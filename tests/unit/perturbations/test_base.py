@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -199,6 +199,20 @@ def test_an_observation_that_is_none_names_the_guilty_class() -> None:
 
     with pytest.raises(PerturbationError, match=r"Forgets\.observe gave None, expected an Observation"):
         started(Forgets()).observe(observation_at(0))
+
+
+@pytest.mark.parametrize("ticks", [-1, 1])
+def test_an_observation_of_another_tick_names_the_guilty_class(ticks: int) -> None:
+    @dataclass
+    class Shifts(Perturbation):
+        phrase = "shifts"
+
+        def observe(self, observation: Observation) -> Observation:
+            return replace(observation, tick=observation.tick + ticks)
+
+    told = rf"Shifts\.observe gave the observation of tick {5 + ticks} in tick 5: give the signals"
+    with pytest.raises(PerturbationError, match=told):
+        started(Shifts()).observe(observation_at(5))
 
 
 def test_reset_learns_of_the_episode_and_of_twins_in_the_stack() -> None:

@@ -43,6 +43,13 @@ def test_the_first_frame_of_an_episode_is_delivered_and_starts_no_burst() -> Non
     assert stale_ticks(driven) == list(range(1, 100))
 
 
+def test_the_record_of_the_last_burst_ends_with_the_episode() -> None:
+    stack = started(BurstFrameDrop(length_s=3.0, probability=1.0))
+    for tick in range(100):
+        stack.observe(observation_at(tick))
+    assert [(item.first_tick, item.last_tick) for item in stack.schedule()] == [(1, 60), (61, 99)]
+
+
 def test_an_episode_that_is_looked_at_late_has_no_earlier_frame_to_repeat() -> None:
     driven = observed(BurstFrameDrop(length_s=3.0, probability=1.0), [30, 31])
     assert [seen.cameras["front"].tick for seen in driven] == [30, 30]
@@ -113,6 +120,21 @@ def test_a_slow_camera_that_repeats_itself_keeps_the_tick_of_its_capture() -> No
     slow = Image(flat_pixels(1), 4)
     seen = stack.observe(observation_at(6).map_images(lambda *_: slow))
     assert seen.cameras["front"].tick == 4
+
+
+def test_a_burst_of_a_slow_camera_repeats_the_tick_of_its_capture() -> None:
+    stack = started(BurstFrameDrop(probability=1.0))
+    slow = Image(flat_pixels(1), 4)
+    seen = [stack.observe(observation_at(tick).map_images(lambda *_: slow)) for tick in (6, 7, 8)]
+    assert [one.cameras["front"].tick for one in seen] == [4, 4, 4]
+
+
+@pytest.mark.parametrize(("length", "length_s", "ticks"), [("fixed", 0.05, 1), ("uniform", 0.1, 2)])
+def test_the_shortest_burst_that_the_simulator_can_show_is_driven(length: str, length_s: float, ticks: int) -> None:
+    stack = started(BurstFrameDrop(length_s=length_s, probability=0.2, length=length))  # type: ignore[arg-type]
+    for tick in range(100):
+        stack.observe(observation_at(tick))
+    assert {item.last_tick - item.first_tick + 1 for item in stack.schedule()[:-1]} == {ticks}
 
 
 def test_a_mask_on_top_is_drawn_anew_on_the_stale_image() -> None:

@@ -5,7 +5,8 @@ import pytest
 from scipy import stats
 from stream_factory import observation_at, observed, started
 
-from pytest_drive_robust.perturbations import GpsNoise, SpeedNoise
+from pytest_drive_robust.perturbations import GpsNoise, SensorDelay, SpeedNoise
+from pytest_drive_robust.perturbations.context import Draws
 
 TICKS = range(6000)
 
@@ -38,6 +39,20 @@ def test_only_the_position_changes_and_its_tick_of_capture_stays() -> None:
 def test_zero_noise_reports_the_truth() -> None:
     clean = observation_at(4)
     assert started(GpsNoise(0.0)).observe(clean) == clean
+
+
+def test_the_first_two_numbers_of_a_tick_are_the_errors_to_the_east_and_to_the_south() -> None:
+    clean = observation_at(9)
+    noisy = started(GpsNoise(5), route_id="17", seed=3).observe(clean).gps
+    east, south, _, _ = Draws(3, "17", "gps-noise").normal("gps", 9)
+    assert (noisy.x_m, noisy.y_m) == (clean.gps.x_m + 5.0 * east, clean.gps.y_m + 5.0 * south)
+
+
+def test_a_fix_that_arrives_once_more_is_off_by_another_error() -> None:
+    stack = started(SensorDelay(camera_ms=200) + GpsNoise(5) + SpeedNoise(0.5))
+    seen = [stack.observe(observation_at(tick)) for tick in range(4)]
+    assert {one.gps.tick for one in seen} == {one.speed.tick for one in seen} == {0}
+    assert len({one.gps.x_m for one in seen}) == len({one.speed.mps for one in seen}) == 4
 
 
 def test_severities_share_their_random_numbers() -> None:

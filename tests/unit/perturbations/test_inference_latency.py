@@ -164,3 +164,6 @@ def test_the_record_tells_in_which_ticks_commands_were_late() -> None:
     drive(early, 9)
     assert [(item.signal, item.first_tick, item.last_tick) for item in late.schedule()] == [("control", 0, 8)]
     assert [(item.signal, item.first_tick, item.last_tick) for item in early.schedule()] == [("control", 0, 2)]
+    measured = started(InferenceLatency(mode="measured"))
+    drive(measured, 9)
+    assert [(item.signal, item.first_tick, item.last_tick) for item in measured.schedule()] == [("control", 0, 8)]

@@ -26,6 +26,7 @@ LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
             "1 s burst frame drop (reading=released, probability=0.1)",
         ),
         ({**ON, "PARTIAL_OBS_ENABLE": "1"}, "occlusion 0.5 (fill=blur)"),
+        ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_RATIO": "0.8"}, "occlusion 0.8 (fill=blur)"),
         ({**ON, "PARTIAL_OBS_ENABLE": "1", "PARTIAL_OBS_TYPE": "occlusion"}, "occlusion 0.5"),
         (
             {**ON, "PARTIAL_OBS_ENABLE": "true", "PARTIAL_OBS_TYPE": "OCCLUSION", "PARTIAL_OBS_RATIO": "0.8"},
@@ -49,6 +50,7 @@ LATE = {"INFERENCE_LATENCY_ENABLE": "1"}
         (LATE, "100 ms latency (reading=released)"),
         ({**LATE, "INFERENCE_LATENCY_MS": "200", "WARMUP_STEPS": "0"}, "200 ms latency (mode=hold)"),
         ({**LATE, "INFERENCE_LATENCY_MODE": "measured"}, "measured latency (reading=released)"),
+        ({**LATE, "INFERENCE_LATENCY_MODE": "measured", "WARMUP_STEPS": "5"}, "measured latency (warmup_ticks=5)"),
         ({**LATE, "INFERENCE_LATENCY_MS": "", "ROBUSTNESS_SEED": " "}, "100 ms latency (reading=released)"),
         (
             {

@@ -114,6 +114,22 @@ def test_a_ratio_of_one_covers_everything_of_images_of_any_size(fill: str) -> No
         assert np.unique(shown).tolist() == [{"black": 0, "gray": 128, "blur": 7}[fill]]
 
 
+def test_an_area_is_never_wider_than_the_image() -> None:
+    image = flat_pixels(7, rows=2, columns=30)  # 1.48 rows are one, which is less than 0.55 of the area
+    for tick in range(5):
+        shown = started(PartialObservation(0.55, area=True)).observe(observation_at(tick, pixels=image))
+        black = shown.cameras["front"].pixels[:, :, 0] == 0
+        assert sorted(black.sum(axis=1).tolist()) == [0, 30]
+
+
+@pytest.mark.parametrize("fill", ["black", "gray", "blur"])
+def test_a_rectangle_without_height_hides_nothing(fill: str) -> None:
+    perturbation = PartialObservation(0.02, fill=fill)  # type: ignore[arg-type]
+    image = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    shown = started(perturbation).observe(observation_at(0, pixels=image)).cameras["front"]
+    assert np.array_equal(shown.pixels, image)
+
+
 @settings(max_examples=10)
 @given(st.integers(0, 1000))
 def test_the_mask_is_the_same_for_every_agent(tick: int) -> None:

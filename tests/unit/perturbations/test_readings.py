@@ -149,6 +149,16 @@ def test_what_was_said_is_not_forgotten_by_a_copy(duplicate) -> None:  # type: i
     assert str(duplicate(InferenceLatency(ms=200).read_as(PAPER)).read_as(RELEASED)) == "200 ms latency"
 
 
+def test_a_switch_that_was_changed_was_said_and_what_was_read_stays_so() -> None:
+    with pytest.raises(PerturbationError, match="mode=fifo contradicts the reading 'released'"):
+        InferenceLatency(ms=200).with_severities(mode="fifo").read_as(RELEASED)
+    late = InferenceLatency(200).read_as(PAPER).with_severities(ms=100)
+    assert str(late.read_as(RELEASED)) == "100 ms latency"
+    assert str(InferenceLatency(200).read_as(RELEASED)) == "200 ms latency (reading=released)"
+    with pytest.raises(PerturbationError, match="contradicts"):
+        InferenceLatency(200, "fifo").read_as(RELEASED)
+
+
 def test_a_ladder_keeps_to_its_reading_and_compares_with_what_is_read_so() -> None:
     ladder = ladder_of(InferenceLatency, dt_s=0.05, reading=RELEASED)
     assert str(ladder.at(100.0)) == "100 ms latency (reading=released)"

@@ -74,6 +74,20 @@ def test_a_check_is_given_the_options_that_it_takes(registry: Registry) -> None:
     assert Checked.asked == [4.0, 8.0]
 
 
+def test_a_check_that_takes_all_options_is_given_those_that_were_chosen() -> None:
+    asked: list[dict[str, object]] = []
+
+    class TakesAll(Configurable):
+        @classmethod
+        def check(cls, **options: object) -> None:
+            asked.append(options)
+
+    registry = Registry()
+    registry.register_agent("all", TakesAll)
+    registry.entry("agents", "all:speed=4+mode=ctrl").load().check()  # type: ignore[attr-defined]
+    assert asked == [{"speed": 4.0, "mode": "ctrl"}]
+
+
 def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
     registry = Registry()
     identities = [

@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations import GpsNoise
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.registry.registry import Registry, default_registry, forget_names, hide_names
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
@@ -155,6 +155,17 @@ def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
         registry.agent("half")
 
 
+def test_what_an_agent_has_from_its_constructor_counts() -> None:
+    class Delegates:
+        def __init__(self) -> None:
+            other = _scripted()
+            self.sensors, self.reset, self.act = other.sensors, other.reset, other.act
+
+    registry = Registry()
+    registry.register_agent("delegating", Delegates)
+    assert registry.agent("delegating").act(None) == Control()  # type: ignore[arg-type]
+
+
 def test_an_agent_whose_factory_raises_is_named() -> None:
     def without_weights() -> ScriptedAgent:
         raise FileNotFoundError("weights.pt")
@@ -190,6 +201,12 @@ def test_a_wrong_reference_says_what_is_wrong_with_it(tmp_path: Path, monkeypatc
         registry.agent("agent_far_away:Agent")
     with pytest.raises(UnknownNameError, match=r"'folder\.my_agent:Agent'"):
         registry.agent("folder/my_agent.py:Agent")
+
+
+@pytest.mark.parametrize("half", ["some_module:", ":Agent", ":"])
+def test_half_a_reference_is_an_unknown_name(half: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"no agent named {half!r}"):
+        Registry().agent(half)
 
 
 def test_a_simulator_is_made_with_the_options_and_may_be_a_reference() -> None:
@@ -337,6 +354,57 @@ def test_a_module_of_your_own_is_still_a_module(several_kinds, tmp_path, monkeyp
         several_kinds.simulator("no_module_at_all:Sim")
 
 
+def test_a_module_in_the_current_folder_is_no_misspelt_name(several_kinds, tmp_path, monkeypatch):
+    (tmp_path / "town_beside.py").write_text("from pytest_drive_robust.testing import FakeSimulator as Sim\n")
+    several_kinds.register_simulator("town_besides", town, argument="TOWN")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [folder for folder in sys.path if folder])
+    assert several_kinds.simulator("town_beside:Sim").name == "fake"
+
+
+def test_a_module_of_a_package_is_no_misspelt_name(several_kinds):
+    several_kinds.register_simulator("my.towns", town, argument="TOWN")
+    with pytest.raises(PluginError, match=r"'my\.town:Sim' of simulators .* does not load: ModuleNotFoundError"):
+        several_kinds.simulator("my.town:Sim")
+
+
+def test_what_follows_the_colon_makes_the_factory_of_an_agent_whose_refusal_comes_through():
+    def recorded(name):
+        if not name:
+            raise UsageError("replayed:FILE needs a file.")
+        return lambda: ScriptedAgent([Control(throttle=float(name))])
+
+    registry = Registry()
+    registry.register_agent("replayed", recorded, argument="FILE")
+    assert "replayed:FILE" in dict(registry.names("agents"))
+    assert registry.agent("replayed:0.5").act(None) == Control(throttle=0.5)
+    for ask in (registry.agent, lambda name: registry.require("agents", name)):
+        with pytest.raises(UsageError, match=r"^replayed:FILE needs a file\.$"):
+            ask("replayed")
+
+
+def test_a_name_of_one_kind_is_none_of_another():
+    registry = Registry()
+    registry.register_agent("mine", _scripted)
+    assert "mine" not in dict(registry.names("simulators"))
+    with pytest.raises(UnknownNameError, match="no simulator named 'mine'"):
+        registry.simulator("mine")
+
+
+def test_names_of_a_session_inside_another_are_forgotten_and_those_around_it_come_back():
+    kept = hide_names()
+    try:
+        outer = default_registry()
+        outer.register_agent("mine", _scripted)
+        inside = hide_names()
+        assert "mine" not in dict(default_registry().names("agents"))
+        forget_names(inside)
+        assert default_registry() is outer
+    finally:
+        forget_names(kept)
+    assert default_registry() is not outer
+
+
 def test_names_without_an_argument_take_none(several_kinds):
     with pytest.raises(PluginError, match="does not load"):
         several_kinds.simulator("plain:Rome")
@@ -369,6 +437,12 @@ def failure(phrase: str) -> type[Perturbation]:
 def test_a_sentence_that_cannot_be_read_back_is_refused_where_it_is_registered(phrase: str, message: str) -> None:
     with pytest.raises(PluginError, match=rf"perturbation 'dimmed' from .* cannot be used: .*{message}"):
         Registry().register_perturbation(failure(phrase))
+
+
+def test_a_phrase_that_would_be_read_out_of_the_sentence_of_another_failure_is_refused() -> None:
+    body = {"__annotations__": {"kind": str}, "kind": "red", "phrase": "{kind} ms latency"}
+    with pytest.raises(PluginError, match="'200 ms latency' is a sentence of Tinted and of InferenceLatency"):
+        Registry().register_perturbation(dataclass(type("Tinted", (Perturbation,), body)))
 
 
 def test_a_phrase_that_became_a_severity_is_refused_where_it_is_registered() -> None:

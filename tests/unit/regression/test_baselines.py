@@ -197,6 +197,12 @@ def test_a_route_that_became_another_is_replaced_on_request_only(tmp_path: Path)
     assert blessed.replaced == 1
 
 
+def test_a_route_whose_content_was_not_recorded_is_replaced_by_itself(tmp_path: Path) -> None:
+    bless(snapshot(cell([100.0], digest="")), tmp_path, SIGNATURE, environ={})
+    (blessed,) = bless(snapshot(cell([50.0])), tmp_path, SIGNATURE, environ={})
+    assert (blessed.added, blessed.replaced) == (0, 1)
+
+
 def test_an_unknown_author_stays_unknown(tmp_path: Path) -> None:
     (blessed,) = bless(snapshot(cell([100.0])), tmp_path, Blessing("2026-11-21", "why"), environ={})
     (told,) = json.loads(blessed.path.read_text())["blessings"].values()
@@ -207,7 +213,9 @@ def test_two_agents_have_a_file_each_and_no_two_names_share_one(tmp_path: Path) 
     run = snapshot(cell([1.0], agent="mine:Agent"), cell([2.0], agent="mine-Agent"))
     written = bless(run, tmp_path, SIGNATURE, environ={})
     assert len({item.path for item in written}) == 2
-    assert {read_baseline(item.path).agent for item in written} == {"mine:Agent", "mine-Agent"}
+    read = [read_baseline(item.path) for item in written]
+    scores_of = {found.agent: [route.score.ds for route in found.routes.values()] for found in read}
+    assert scores_of == {"mine:Agent": [1.0], "mine-Agent": [2.0]}
     assert baseline_file(tmp_path, "classical").name == "classical.json"
 
 

@@ -14,7 +14,7 @@ from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import AgentPrint
-from pytest_drive_robust.regression.snapshot import Cell
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Taken
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.stats import gate
 
@@ -43,6 +43,12 @@ def test_a_clear_drop_is_a_regression_with_its_flips_worst_first() -> None:
     assert len(found.flips) == BUSY.count(100.0)
     assert all(flip.fails for flip in found.flips)
     assert found.flips[0].after.route_id == "1"
+
+
+def test_the_route_that_lost_most_comes_first_though_another_ended_lower() -> None:
+    old, new = cell([60.0, 100.0, 70.0], success=True), cell([40.0, 50.0, 45.0], success=False)
+    (found,) = compare(snapshot(old), snapshot(new)).cells
+    assert [flip.after.route_id for flip in found.flips] == ["2", "3", "1"]
 
 
 def test_better_is_never_a_regression_and_its_flips_come_last() -> None:
@@ -110,6 +116,7 @@ def test_few_routes_are_told_about() -> None:
     assert compare(old, snapshot(cell([80.0] * 3, seed=1))).notes == (
         "3 routes with other seeds show little: drive 20 or more, or the same routes and seeds",
     )
+    assert compare(snapshot(cell([80.0] * 20)), snapshot(cell([80.0] * 20, seed=1))).notes == ()
 
 
 def test_a_run_in_which_nothing_was_scored_says_why() -> None:
@@ -219,6 +226,21 @@ def test_rd_under_a_setting_with_a_warm_up_reads_the_clean_scores_of_that_warm_u
     assert compare(run, run).cells[2].before.rd == pytest.approx(0.25)
 
 
+def test_rd_under_the_failure_of_a_user_reads_the_clean_scores() -> None:
+    run = snapshot(cell([100.0] * 4), cell([75.0] * 4, setting="dimmed camera 0.5"))
+    assert compare(run, run).cells[1].before.rd == pytest.approx(0.25)
+
+
+def test_rd_of_agents_of_other_names_reads_the_clean_scores_of_each() -> None:
+    old, new = (
+        snapshot(cell([clean] * 4, agent=agent), cell([60.0] * 4, agent=agent, setting="200 ms latency"))
+        for agent, clean in (("old", 80.0), ("new", 100.0))
+    )
+    found = compare(old, new, terms("rd:+0.05")).cells[1]
+    assert (found.before.rd, found.after.rd) == pytest.approx((0.25, 0.4))
+    assert found.verdict == "fail"
+
+
 @pytest.mark.parametrize("lacking", ["before", "after"])
 def test_rd_is_of_the_routes_whose_clean_scores_both_runs_have(lacking: str) -> None:
     weak = cell([50.0, 50.0, 0.0], setting="200 ms latency")
@@ -295,6 +317,13 @@ def test_routes_that_the_new_run_lacks_refuse_and_settings_that_it_lacks_are_not
     assert not compare(new, old).refusals
     whole = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), label="new")
     assert not compare(old, whole).mismatches
+
+
+def test_five_routes_that_the_new_run_lacks_are_all_named() -> None:
+    old, new = snapshot(cell(BUSY[:10])), snapshot(cell(BUSY[:5]), label="new")
+    assert [item.text for item in compare(old, new).refusals] == [
+        "new lacks routes of run: 5 of 10 under clean (6, 7, 8, 9, 10)"
+    ]
 
 
 def test_a_setting_without_one_common_route_lacks_routes_too() -> None:
@@ -379,6 +408,11 @@ def test_a_changed_agent_is_told_and_never_refused() -> None:
     )
 
 
+def test_what_was_not_known_of_an_agent_before_is_no_change_of_it() -> None:
+    old = snapshot(cell(BUSY, fingerprint=replace(PRINT, agent=AgentPrint())))
+    assert compare(old, snapshot(cell(BUSY))).mismatches == ()
+
+
 @pytest.mark.parametrize(("before", "after", "told"), [("aa", "bb", 1), ("aa", "aa", 0), (None, "bb", 0)])
 def test_another_machine_matters_only_to_agents_whose_bits_depend_on_it(
     before: str | None, after: str | None, told: int
@@ -392,15 +426,22 @@ def test_another_machine_matters_only_to_agents_whose_bits_depend_on_it(
 
 
 def test_routes_whose_content_was_not_recorded_are_no_mismatch() -> None:
-    assert not compare(snapshot(cell(BUSY, digest="")), snapshot(cell(BUSY))).mismatches
+    recorded, not_recorded = snapshot(cell(BUSY)), snapshot(cell(BUSY, digest=""))
+    assert not compare(not_recorded, recorded).mismatches
+    assert not compare(recorded, not_recorded).mismatches
 
 
 def test_the_seeds_of_a_route_are_one_value_and_the_worst_of_them_is_told() -> None:
-    from pytest_drive_robust.regression.snapshot import RouteScore, Taken
-
     taken = [Taken(0, 100.0, True, "completed"), Taken(1, 40.0, False, "stuck"), Taken(2, 100.0, True, "completed")]
     score = RouteScore.of("1", "Kind", taken, digest="", fingerprint=PRINT)
     assert (score.ds, score.seeds, score.worst_seed, score.outcome) == (80.0, (0, 1, 2), 1, "stuck")
     assert score.sr == pytest.approx(2 / 3)
     assert score.succeeds
     assert not route_score("1", 99.0).succeeds
+
+
+def test_a_route_of_which_half_of_the_seeds_succeeded_does_not_and_of_equals_the_first_seed_is_the_worst() -> None:
+    taken = [Taken(1, 60.0, False, "stuck"), Taken(0, 60.0, True, "completed")]
+    score = RouteScore.of("1", "Kind", taken, digest="", fingerprint=PRINT)
+    assert (score.sr, score.succeeds) == (0.5, False)
+    assert (score.seeds, score.worst_seed, score.outcome) == ((0, 1), 0, "completed")

@@ -10,7 +10,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, mismatches
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.store.events import EpisodesNeeded, Used
+from pytest_drive_robust.store.events import EpisodesNeeded, Spared, Used
 
 
 def fingerprints(torch: str, machine: str) -> dict[str, Fingerprint]:
@@ -46,3 +46,13 @@ def test_what_one_set_of_routes_lacks_is_told_whatever_the_other_sets_hold(order
     (cell,) = snapshot_of(run_as_json(run), label="run").cells.values()
     assert sorted(cell.routes) == ["1", "2"]
     assert cell.broken == ("1 episode was not driven, as the run ended before",)
+
+
+def test_what_a_verdict_did_without_is_told_of_routes_with_several_seeds_too() -> None:
+    results = {f"{route} {seed}": make_result(route, seed=seed) for route in "12" for seed in (0, 1)}
+    keys = tuple(results)
+    needed = EpisodesNeeded("driver", "dev10", "clean", (0, 1), keys, ())
+    run = RunResult.of(RunOptions(), [needed, Used(keys[:2]), Spared(keys[2:])], results.get, versions={})
+    (cell,) = snapshot_of(run_as_json(run), label="run").cells.values()
+    assert cell.stopped == ("1 of 2 routes of dev10",)
+    assert cell.broken == ()

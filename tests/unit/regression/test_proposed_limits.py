@@ -87,8 +87,9 @@ def test_more_routes_allow_a_limit_nearer_to_the_value() -> None:
     assert few.spare > many.spare + 0.05
 
 
-def test_a_setting_that_may_cost_everything_gets_no_limit() -> None:
-    assert [str(item.requirement) for item in limits(run([100.0] * 5, [0.0] * 5))] == ["DS under clean >= 95"]
+@pytest.mark.parametrize("kept", [0.0, 5.0])
+def test_a_setting_that_may_cost_everything_gets_no_limit(kept: float) -> None:
+    assert [str(item.requirement) for item in limits(run([100.0] * 5, [kept] * 5))] == ["DS under clean >= 95"]
 
 
 def test_an_agent_that_does_not_drive_gets_none() -> None:

@@ -35,6 +35,12 @@ def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(kind) 
     assert verdict(80.0, 0.0) == "inconclusive"
 
 
+@pytest.mark.parametrize(("routes", "verdict"), [(20, "inconclusive"), (44, "inconclusive"), (60, "pass")])
+def test_a_rise_passes_only_where_one_more_route_that_lost_all_would_not_turn_it(routes: int, verdict: str) -> None:
+    (allowance,) = parse_allowances(["rd:+0.05"], source="test")
+    assert judge_rise(quartets_of(90.0, 90.0, kept_before=0.9, kept_after=0.9)[:routes], allowance) == verdict
+
+
 @pytest.mark.parametrize(
     ("text", "held", "missed"),
     [("ds:-5%", 0.98, 0.7), ("ds:-5", 0.98, 0.7), ("sr:-5%", 0.99, 0.7), ("sr:-0.05", 0.99, 0.7)],
@@ -46,6 +52,14 @@ def test_evidence_decides_a_drop_in_the_unit_of_its_metric(text: str, held: floa
         return judge_drop([(allowance.top, allowance.top * kept)] * 100, allowance)
 
     assert (verdict(held), verdict(missed)) == ("pass", "fail")
+
+
+def test_what_each_route_lost_before_as_well_is_no_noise() -> None:
+    (allowance,) = parse_allowances(["rd:+0.05"], source="test")
+    rows = [(100.0, kept, 50.0, kept / 2.0) for kept in (20.0, 100.0, 0.0)] * 20  # the clean scores halved, RD is equal
+    assert judge_rise(quartets(rows), allowance) == "pass"
+    others = [(100.0, before, 50.0, after) for before, (*_, after) in zip([0.0, 20.0, 100.0] * 20, rows, strict=True)]
+    assert judge_rise(quartets(others), allowance) == "inconclusive"
 
 
 @pytest.mark.parametrize("kind", ["list", "point"])

@@ -58,6 +58,12 @@ def test_a_waiver_covers_a_sentence_an_id_or_a_pattern(requirement: str, agent: 
     assert waiver.covers(SENTENCE, NODEID, agent="driver") is covered
 
 
+def test_the_id_of_a_case_may_hold_brackets_of_its_own() -> None:
+    waiver = Waiver("rig[0] late", "me", "why", date(2026, 12, 15))
+    assert waiver.covers("RD under clean <= 0.3", "suites/test_a.py::test_it[rig[0] late]", agent="driver")
+    assert not waiver.covers("RD under clean <= 0.3", "suites/test_a.py::test_it[rig[1] late]", agent="driver")
+
+
 def test_of_several_waivers_the_longest_counts() -> None:
     short, long = (Waiver("RD*", "planning", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
     assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") is long

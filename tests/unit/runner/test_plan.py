@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations import InferenceLatency, Perturbation, Setting
-from pytest_drive_robust.runner.plan import Scope, first_of_each_agent, planned_order, routes_in_order
+from pytest_drive_robust.runner.plan import Scope, first_of_each_agent, keys_of, planned_order, routes_in_order
 from pytest_drive_robust.testing import fake_route
 from pytest_drive_robust.verdict.requirement import Requirement, requirement
 
@@ -52,6 +52,15 @@ def test_a_reading_goes_through_the_routes_in_planned_order_clean_first():
     asked = [(task.route.id, task.episode.setting) for task in plan.requests(0)]
     assert asked == [(route, setting) for route in order for setting in ("clean", str(LATENCY))]
     assert plan.requests(0, 3) == plan.requests(0)[:6]
+    assert keys_of(plan.requests(0, 3)) == tuple(task.key for task in plan.requests(0)[:6])
+
+
+def test_a_route_is_read_with_all_of_its_seeds():
+    plan = SCOPE.verdict_plan(requirement("RD", LATENCY) <= 0.3, VerdictRule())
+    for route in plan.routes:
+        assert len({task.route.id for task in route.requests}) == 1
+        asked = [(task.episode.setting, task.episode.seed) for task in route.requests]
+        assert asked == [("clean", 0), ("clean", 1), (str(LATENCY), 0), (str(LATENCY), 1)]
 
 
 @pytest.mark.parametrize(("rule", "limit"), [("evidence", 0.2), ("evidence", 0.6), ("list", 0.2)])
@@ -101,6 +110,8 @@ def test_a_few_episodes_of_each_other_agent_come_first():
     likely = {task.key for plan in verdict_plans[1:] for task in plan.likely}
     assert {task.key for task in first} <= likely
     assert first_of_each_agent([]) == ()
+    other = many("two").verdict_plan(requirement("DS", LATENCY) >= 40, VerdictRule())
+    assert first_of_each_agent([*verdict_plans[:2], other]) == verdict_plans[1].likely[:3]
 
 
 def test_requirements_share_episodes():
@@ -155,6 +166,13 @@ def test_types_of_different_size_are_spread_evenly() -> None:
     for end in range(11, 221, 11):
         rare = Counter(of[route] for route in order[:end])["rare"]
         assert abs(rare - 40 * end / 220) < 2.0
+
+
+def test_the_only_route_of_its_type_may_come_anywhere() -> None:
+    types = ["rare"] + ["common"] * 30
+    places = [planned_order(IDS[:31], types, str(number)).index(IDS[0]) for number in range(200)]
+    assert sum(places) / 200 == pytest.approx(15.0, abs=2.0)  # 3 standard errors
+    assert max(places) == 30
 
 
 def test_the_order_is_named_by_the_text_and_by_nothing_else() -> None:

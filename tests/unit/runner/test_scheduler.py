@@ -164,6 +164,23 @@ def test_what_another_process_drives_is_waited_for_and_meanwhile_the_next_is_dri
     assert diary.reused_routes == ["0"]
 
 
+def test_what_others_drove_and_gave_back_is_begun_in_its_order():
+    store = MemoryStore()
+    claims, held = store.claim, {task.key for task in TASKS[1:3]}
+    store.claim = lambda key: None if key in held else claims(key)  # type: ignore[method-assign]
+
+    class Patient(Diary):
+        def ticked(self) -> None:
+            held.clear()
+            self.waits += 1
+            if self.waits == 3:
+                self.hands.finish("0")
+
+    scheduler, hands, _ = scheduler_of(slots=4, store=store, observer=Patient)
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:4])
+    assert hands.begun == ["0", "3", "1", "2"]
+
+
 def test_a_claim_that_becomes_free_is_taken():
     store = MemoryStore()
     claims, refusals = store.claim, iter([True, True])
@@ -202,6 +219,67 @@ def test_after_the_budget_nothing_begins_but_what_is_under_way_ends():
         scheduler.ensure(TASKS[:4])
     assert hands.begun == ["0", "1"]
     scheduler.ensure(TASKS[:2])  # what is there can still be read
+
+
+def test_after_the_budget_what_is_under_way_and_asked_for_ends_first():
+    now = [0.0]
+    scheduler, hands, diary = scheduler_of(slots=2, budget_s=10.0, clock=lambda: now[0])
+
+    def late() -> None:
+        now[0] += 11.0
+        hands.finish(list(hands.open)[-1])
+
+    diary.ticked = late  # type: ignore[method-assign]
+    with pytest.raises(BudgetSpentError, match="1 of the next 3 episodes are missing"):
+        scheduler.ensure(TASKS[:3])
+    assert diary.finished_routes == ["1", "0"]
+
+
+def test_after_the_budget_nobody_waits_for_what_others_asked_for_and_nothing_begins_for_them():
+    now = [0.0]
+    scheduler, hands, diary = scheduler_of(slots=2, budget_s=10.0, clock=lambda: now[0])
+    diary.finishes = False
+    scheduler.assist(TASKS[:1])
+    now[0], diary.finishes = 10.0, True
+    with pytest.raises(BudgetSpentError, match="1 of the next 1 episodes are missing"):
+        scheduler.ensure(TASKS[1:2])
+    assert list(hands.open) == ["0"]
+    diary.finishes = False
+    scheduler.assist(TASKS[2:3])
+    assert hands.begun == ["0"]
+
+
+def test_what_broke_is_begun_again_only_when_it_is_asked_for_again():
+    scheduler, hands, diary = scheduler_of(slots=2)
+    broken = []
+
+    def break_the_second() -> None:
+        if "1" in hands.open:
+            hands.open.pop("1").set_exception(PluginError("no such weights"))
+            broken.append("1")
+        elif hands.open:
+            hands.finish(next(iter(hands.open)))
+
+    diary.ticked = break_the_second  # type: ignore[method-assign]
+    scheduler.ensure(TASKS[:1], ahead=TASKS[1:2])
+    scheduler.ensure(TASKS[2:3], ahead=TASKS[1:2])
+    assert hands.begun == ["0", "1", "2"]
+    for _ in range(2):  # the one from before, then one of now
+        with pytest.raises(PluginError, match="no such weights"):
+            scheduler.ensure(TASKS[1:2])
+    assert broken == ["1", "1"]
+
+
+def test_the_longest_drive_of_a_route_tells_what_the_next_one_takes():
+    several = Scope("driver", "one", (TASKS[0].route,), (0, 1)).need(Setting.CLEAN, clean=False).requests
+    store = MemoryStore()
+    for task, wall_s in zip(several, (5.0, 2.0), strict=True):
+        store.put(task.key, replace(make_result("0"), wall_s=wall_s))
+        ROUTE_OF.setdefault(task.key, "0")
+    scheduler, _, _ = scheduler_of(store=store)
+    assert scheduler.expected_s(several[0]) == 0.0
+    scheduler.plan(several)
+    assert [scheduler.expected_s(task) for task in (several[0], TASKS[1])] == [5.0, 0.0]
 
 
 def test_what_was_begun_ahead_is_stored_without_being_asked_for():

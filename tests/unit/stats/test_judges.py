@@ -312,3 +312,33 @@ def test_how_many_routes_are_likely_left_counts_those_that_the_floor_takes() -> 
         plain.read(32.0, 32.0)
         waiting.read(32.0, 32.0)
     assert plain.likely_left(220) < waiting.likely_left(220) <= 210
+
+
+def test_references_that_are_shown_to_lie_above_the_floor_take_no_more_routes() -> None:
+    plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
+    for _ in range(6):
+        plain.read(90.0, 90.0)
+        waiting.read(90.0, 90.0)
+    assert 0 < waiting.likely_left(220) == plain.likely_left(220)
+
+
+def test_what_only_waited_for_the_floor_passes_at_the_end_however_few_the_routes_are() -> None:
+    assert read(judge_by("evidence", RULE, planned=16), [(90.0, 90.0)] * 16) == ("pass", 13)
+    assert read(judge_by("evidence", RULE, planned=16, floor=89.9), [(90.0, 90.0)] * 16) == ("pass", 16)
+
+
+@pytest.mark.parametrize(
+    "forms",
+    [degradation_forms(0.30, comparison=">="), mean_forms(60.0, ">=", margin=10.0, low=0.0)],
+    ids=["lower-limit", "no-upper-end"],
+)
+def test_how_many_routes_are_likely_left_is_told_for_limits_of_every_kind(forms: LinearForms) -> None:
+    assert 5 < judge_by("evidence", forms, planned=60).likely_left(60) < 40
+
+
+def test_what_is_shown_of_the_floor_is_the_same_whichever_way_the_limit_is_compared() -> None:
+    below, above = (EvidenceJudge(degradation_forms(0.30, comparison=sign), floor=30.0) for sign in ("<=", ">="))
+    for reference in (24.0, 90.0, 10.0):
+        below.read(0.5 * reference, reference)
+        above.read(0.5 * reference, reference)
+    assert (below.above_floor.value, below.below_floor.value) == (above.above_floor.value, above.below_floor.value)

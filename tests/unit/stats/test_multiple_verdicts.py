@@ -18,6 +18,7 @@ def test_holm_by_hand() -> None:
     assert holm([0.010, 0.040, 0.030, 0.005]) == (True, False, False, True)
     assert holm([0.04]) == (True,)
     assert holm([]) == ()
+    assert holm([0.025, 0.9]) == (True, False)  # alpha / 2, and no more
 
 
 @given(p_lists, st.floats(0.001, 0.2))
@@ -97,6 +98,11 @@ def test_what_is_red_at_once_and_what_turns_red_at_the_end_are_together_what_hol
 def test_a_pass_is_never_taken_back() -> None:
     assert late_fails(["pass", "inconclusive"], [0.001, 0.03], family=2) == ()
     assert late_fails(["pass"], [0.0001], family=1) == ()
+
+
+def test_what_was_not_judged_counts_in_the_family_and_what_failed_at_once_is_not_told_again() -> None:
+    assert [late_fails(["inconclusive"], [0.02], family=family) for family in (2, 3)] == [(0,), ()]
+    assert late_fails(["fail", "inconclusive"], [0.001, 0.04], family=2) == (1,)
 
 
 @settings(max_examples=100)

@@ -84,3 +84,29 @@ def test_many_routes_are_fine_few_are_warned_about_and_very_few_are_refused() ->
     assert advise(19, 0.30).level == "warn"
     assert advise(10, 10.0, 30.0, what="DS", scale=100.0).level == "refuse"
     assert "margin of 30 or more" in advise(10, 10.0, 30.0, what="DS", scale=100.0).text
+
+
+@pytest.mark.parametrize("routes", [3, 19, 20, 30, 44, 220])
+@pytest.mark.parametrize("noise", [0.05, 0.45])
+def test_what_routes_show_of_ds_is_a_hundred_times_what_they_show_of_sr(routes: int, noise: float) -> None:
+    assert resolution(routes, 100.0 * noise, scale=100.0) == pytest.approx(100.0 * resolution(routes, noise))
+    assert routes_needed(25.0, 100.0 * noise, scale=100.0) == routes_needed(0.25, noise)
+    small, large = advise(routes, 0.25, noise), advise(routes, 25.0, 100.0 * noise, scale=100.0)
+    assert small.level == large.level
+    assert ("in no case" in small.text) is ("in no case" in large.text)
+
+
+@pytest.mark.parametrize("routes", [20, 30, 44])
+def test_without_noise_a_violation_must_outweigh_the_routes_that_nobody_drew(routes: int) -> None:
+    # None of so many routes of a share s is with a chance of exp(-s * routes); each of them may score twice the mean
+    assert resolution(routes, 1e-9) == pytest.approx(2.0 * -math.log(0.05) / routes, rel=0.05)
+
+
+def test_the_advice_counts_the_routes_for_its_own_alpha() -> None:
+    assert routes_needed(0.10, alpha=0.01) > routes_needed(0.10) + 50
+    wanted = math.ceil(routes_needed(0.10, alpha=0.01) / 10) * 10
+    assert f"takes about {wanted} routes" in advise(50, 0.10, alpha=0.01).text
+
+
+def test_fifty_routes_are_not_few() -> None:
+    assert [advise(routes, 0.35).level for routes in (49, 50)] == ["warn", "fine"]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import PerturbationError, RequirementError
-from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.metrics.table import METRICS, Metric
 from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, SpeedNoise
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
 from pytest_drive_robust.stats.judges import judge_by
@@ -57,7 +57,7 @@ def test_an_undecided_severity_sends_the_search_to_the_side_of_its_value() -> No
         return SeverityProbe(level, answer, level / 500.0, level / 500.0 <= 0.30, 30)
 
     found = Bracket(LATENCY, METRICS["RD"], "<=", 0.30, "evidence", 0.1, bisect(LATENCY, ask))
-    assert {140.0, 160.0} & set(found.undecided)
+    assert found.undecided == (140.0, 160.0, 180.0)  # 140 meets the limit, so 160 is asked as well
     assert found.holds is not None
     assert found.holds < 140.0
     assert found.breaks is not None
@@ -185,6 +185,20 @@ def test_with_few_routes_values_are_compared() -> None:
     assert (found.rule, found.holds, found.breaks) == ("point", 140.0, 160.0)
     assert {verdict_rule.kind for verdict_rule in campaign.rules} == {"point"}
     assert len(campaign.levels) <= 6
+
+
+@pytest.mark.parametrize(("routes", "rule"), [(19, "point"), (20, "evidence")])
+def test_values_are_compared_up_to_nineteen_routes(routes: int, rule: str) -> None:
+    campaign = Scores(routes)
+    assert largest(LATENCY, campaign.decide, routes=routes, metric="RD", limit=0.30).rule == rule  # type: ignore[arg-type]
+
+
+def test_values_of_a_users_function_are_compared_on_any_number_of_routes() -> None:
+    def decide(requirement: Requirement, verdict_rule: VerdictRule) -> SimpleNamespace:
+        return SimpleNamespace(requirement=requirement, decision="pass", value=3.0, routes=30)
+
+    found = largest(LATENCY, decide, routes=30, metric=Metric.from_function("episodes", len), limit=2.0)  # type: ignore[arg-type]
+    assert (found.rule, found.holds) == ("point", 1000.0)
 
 
 def test_the_comparison_follows_the_metric() -> None:

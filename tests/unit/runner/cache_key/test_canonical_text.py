@@ -3,6 +3,8 @@ from __future__ import annotations
 import functools
 import subprocess
 import sys
+from dataclasses import dataclass
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -31,6 +33,45 @@ def test_different_numbers_have_different_text(one, other):
 def test_the_order_of_a_mapping_does_not_count():
     assert canonical_text({"a": 1, "b": 2}) == canonical_text({"b": 2, "a": 1})
     assert canonical_text({"1": 1}) != canonical_text({1: 1})
+
+
+@dataclass
+class Metres:
+    value: float = 1.0
+
+
+@dataclass
+class Seconds:
+    value: float = 1.0
+
+
+def test_values_of_different_kinds_have_different_text():
+    values = [b"ab", "ab", "6162", Path("ab"), [1, 2], {1, 2}, {1: 2}, 1.0, "1", Metres(), Seconds(), Metres(2.0), None]
+    assert len({canonical_text(value) for value in values}) == len(values)
+
+
+def test_the_order_in_which_a_set_was_filled_does_not_count():
+    up, down = [0, 8, 16], [16, 8, 0]  # they share a place, so their set keeps them in the order in which they came
+    one, other = set(up), set(down)
+    assert canonical_text(one) == canonical_text(other) == canonical_text(frozenset(one))
+
+
+def test_what_a_class_or_function_took_from_the_function_around_it_counts():
+    def of_attribute(gain):
+        class Local:
+            strength = gain
+
+        return Local
+
+    def of_default(gain):
+        class Local:
+            def act(self, strength=gain):
+                return strength
+
+        return Local
+
+    for make in (of_attribute, of_default, lambda gain: lambda *, strength=gain: strength):
+        assert code_of(make(1.0)) == code_of(make(1.0)) != code_of(make(2.0))
 
 
 def test_an_object_has_no_text():
