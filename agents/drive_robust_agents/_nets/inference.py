@@ -23,7 +23,7 @@ from drive_robust_agents._nets import require
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.answer import GENERATE, answer_and_drive
 from drive_robust_agents._nets.manifest import WeightsEntry
-from pytest_drive_robust.errors import UsageError, nearest
+from pytest_drive_robust.errors import UsageError, did_you_mean
 
 __all__ = ["ENGINES", "ROWS", "Engine", "Network", "Policy"]
 
@@ -202,9 +202,8 @@ def _require_possible(engine: str, dtype: str, threads: int) -> None:
 
 def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:
     if given not in known:
-        close = nearest(given, known)
-        hint = "" if close is None else f" Did you mean {close!r}?"
-        raise UsageError(f"{what}={given!r}: expected one of {', '.join(map(repr, known))}.{hint}")
+        names = ", ".join(map(repr, known))
+        raise UsageError(f"{what}={given!r}: expected one of {names}.{did_you_mean(given, known)}")
 
 
 def _device(given: str, engine: str) -> str:
