@@ -241,7 +241,7 @@ class Expert:
 
     def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
         """Return the profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
-        aside = self._siren.profile(now.scene, self._traffic, truth.frame, now.row)
+        aside = self._siren.profile(self._traffic, truth.frame)
         if aside is not None:
             return lanes.profile + aside
         if self._pass is not None:

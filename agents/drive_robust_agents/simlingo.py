@@ -127,7 +127,8 @@ class SimLingo(LearnedAgent):
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
         path = numbers.SIMLINGO if self.tuning == "ours" else numbers.SIMLINGO_PUBLISHED
-        self._filter, self._controller, self._creep = self._made_filter(), PathController(path), Creep()
+        self._filter = PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
+        self._controller, self._creep = PathController(path), Creep()
         self._last: Control | None = None
         self._tick: int | None = None
         self.said = ""
@@ -154,9 +155,6 @@ class SimLingo(LearnedAgent):
         if before is not None and self.position_filter == "elapsed":
             ticks = max(1, observation.tick - before)
         return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
-
-    def _made_filter(self) -> PositionFilter:
-        return PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)

@@ -118,7 +118,7 @@ class Siren:
         """Hold this profile until the siren has passed."""
         self._aside = profile
 
-    def profile(self, scene: StaticScene, traffic: Traffic, world: WorldState, row: float) -> Floats | None:
+    def profile(self, traffic: Traffic, world: WorldState) -> Floats | None:
         """Return what is added to the lane's own profile now, or None."""
         if self._aside is None:
             return None

@@ -89,10 +89,10 @@ class Stage(RoutePlaces):
             )
         )  # fmt: skip
 
-    def dirt(self, ahead_m: float) -> int:
+    def dirt(self, ahead_m: float) -> None:
         """Put a patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
         self.patches.append(self.spot(ahead_m))
-        return self.stand(ActorKind.DIRT, ahead_m)
+        self.stand(ActorKind.DIRT, ahead_m)
 
     def walker(
         self,

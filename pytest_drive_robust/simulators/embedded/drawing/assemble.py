@@ -1,4 +1,4 @@
-"""Turns the actors of a frame into boxes."""
+"""Turns actors into boxes."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def assemble(
     parts: Floats2,
     spans: Ints2,
     paints: Floats2,
-) -> int:
-    """Write the boxes of `actors` (k, 10) to `rows` from row `first` on; return the row after the last one.
+) -> None:
+    """Write the boxes of `actors` (k, 10) to `rows` from row `first` on.
 
     Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
     from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest span times k, `ends` for
@@ -54,7 +54,6 @@ def assemble(
                     _place(rows, at, actors, k, tick, parts, p, c, s)
                     at += 1
         ends[k + 1] = at
-    return at
 
 
 @inner
@@ -62,7 +61,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
     forward, right = parts[p, 0] * length, parts[p, 1] * width
     role = int(parts[p, 9])
-    if role >= _LEFT_LEG and actors[k, _SPEED] > 0.05:
+    if role in (_LEFT_LEG, _RIGHT_LEG) and actors[k, _SPEED] > 0.05:
         swing = sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
         forward += swing if role == _LEFT_LEG else -swing
     rows[at, box.X] = actors[k, _X] + c * forward - s * right
@@ -84,7 +83,7 @@ def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floa
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:
-    """Return the colour and glow of a part; False when the part is not to be seen now."""
+    """Set the colour and glow of a part; return False when the part is not to be seen now."""
     state, role = int(actors[k, _STATE]), int(parts[p, 9])
     red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
     if role == _BODY:

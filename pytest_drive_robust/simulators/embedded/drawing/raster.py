@@ -36,8 +36,8 @@ _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4,
 @inner
 def draw_faces(
     canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
-) -> int:
-    """Draw boxes into `canvas.faces` and `canvas.nearness`; return how many rows of `canvas.table` are in use.
+) -> None:
+    """Draw boxes into `canvas.faces` and `canvas.nearness`, with a row of `canvas.table` for each face.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
     `ends[k + 1]`. What is near is drawn first, so that most of what it hides is never filled; the parts of an actor
@@ -53,7 +53,6 @@ def draw_faces(
         k = order[place] - still
         for row in range(ends[k], ends[k + 1]):
             used = _draw_box(canvas, used, row, rows[row], corners, seen, cut, view)
-    return used
 
 
 @inner
