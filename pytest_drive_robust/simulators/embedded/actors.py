@@ -66,7 +66,8 @@ class ActorSpec:
 class Script:
     """What a trigger sets off: after `delay_s`, drive `speed_mps` towards `right_m` for `seconds`, then `after_mps`.
 
-    `relative` 1 reads the speed as a share of the ego's speed at that moment, 2 as metres per second above the ego's.
+    `relative` says what the speed is: metres per second (`SPEED_OWN`), a share of the ego's speed at that moment
+    (`SPEED_SHARE`), or metres per second above the ego's (`SPEED_ABOVE`).
     """
 
     speed_mps: float
@@ -74,7 +75,7 @@ class Script:
     seconds: float = np.inf
     after_mps: float = 0.0
     delay_s: float = 0.0
-    relative: int = 0
+    relative: int = c.SPEED_OWN
 
 
 @dataclass(slots=True)
@@ -97,7 +98,8 @@ class Cast:
         row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = spec.brake_mps2, spec.accel_mps2, spec.yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH]] = int(spec.kind), spec.mode, spec.path
         whole[c.I_AT_END] = c.AT_END_LEAVE if spec.leaves else c.AT_END_STAY
-        whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if spec.appears else 1, 1, -100000, -1
+        whole[c.I_ACTIVE] = c.NOT_YET if spec.appears else c.PRESENT
+        whole[[c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 1, c.NEVER_HIT, -1
         whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = spec.background, spec.obeys_lights, spec.leash
         whole[[c.I_SEES, c.I_STATE, c.I_PHASE]] = spec.sees, int(spec.state), c.PHASE_DONE
         if spec.kind is ActorKind.DIRT:
@@ -132,7 +134,7 @@ class Cast:
         first = len(self.rows)
         for k in range(slots):
             actor = self.add(replace(car, kind=kinds[k % len(kinds)], leaves=True))
-            self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
+            self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = c.ABSENT, len(self.flow_rows)
         self.flow_rows.append([car.s_m, car.end_m, car.speed_mps, float(gaps_m[0]), car.right_m])
         self.flow_ints.append([car.path, first, first + slots, -1, 1])
         self.flow_gaps.append(gaps_m)

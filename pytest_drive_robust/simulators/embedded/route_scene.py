@@ -80,7 +80,7 @@ def _put_ego(world: World, ridden_m: float, speed_mps: float) -> None:
 def _is_blocked(world: World) -> bool:
     """Return whether something solid is right before the ego."""
     ego, ints = world.state.ego, world.state.actor_ints
-    there = (ints[:, c.I_ACTIVE] == 1) & (ints[:, c.I_SOLID] == 1)
+    there = (ints[:, c.I_ACTIVE] == c.PRESENT) & (ints[:, c.I_SOLID] == 1)
     away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]
     cos_yaw, sin_yaw = scalars.cos(ego[c.EGO_YAW]), scalars.sin(ego[c.EGO_YAW])
     ahead, right = away[:, 0] * cos_yaw + away[:, 1] * sin_yaw, away[:, 1] * cos_yaw - away[:, 0] * sin_yaw

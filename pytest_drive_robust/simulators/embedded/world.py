@@ -143,17 +143,17 @@ def _clear_start(statics: Statics, state: State) -> None:
 
     Those nearer than 15 m on the ego's own lane leave before the first tick.
     """
-    active = state.actor_ints[:, c.I_ACTIVE] == 1
+    active = state.actor_ints[:, c.I_ACTIVE] == c.PRESENT
     flowing = state.actor_ints[:, c.I_FLOW] >= 0
     placed = state.actors[active & ~flowing & (state.actor_ints[:, c.I_SOLID] == 1)]
     placed_cos, placed_sin = arrays.cos(placed[:, c.A_YAW]), arrays.sin(placed[:, c.A_YAW])
     cos, sin = scalars.cos(state.ego[c.EGO_YAW]), scalars.sin(state.ego[c.EGO_YAW])
     for i in np.flatnonzero(active & flowing):
         if _runs_into(state.actors[i], placed, placed_cos, placed_sin):
-            state.actor_ints[i, c.I_ACTIVE] = 0
+            state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
         dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
         if scalars.hypot(dx, dy) < 15.0 and abs(-dx * sin + dy * cos) < statics.ego_width_m:
-            state.actor_ints[i, c.I_ACTIVE] = 0
+            state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
 
 
 def _runs_into(actor: Floats, placed: Floats, cos: Floats, sin: Floats) -> bool:

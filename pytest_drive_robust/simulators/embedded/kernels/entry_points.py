@@ -68,7 +68,7 @@ def actor_rows(world: WorldArrays, rows: Floats2) -> int:
     """Write the actors that exist now into `rows` (columns of `Frame.actors`); return the number of rows written."""
     count = 0
     for i in range(len(world.actors)):
-        if world.actor_ints[i, c.I_ACTIVE] != 1:
+        if world.actor_ints[i, c.I_ACTIVE] != c.PRESENT:
             continue
         actor, row = world.actors[i], rows[count]
         row[0], row[1] = i, world.actor_ints[i, c.I_KIND]
