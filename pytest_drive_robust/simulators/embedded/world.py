@@ -64,7 +64,7 @@ class World:
             criteria_ints=ints,
             events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
         )
-        self._rows = np.zeros((len(actors), 10))
+        self._rows = np.zeros((len(actors), WorldState.COLUMNS))
         self._arrays = pack_world(self.statics, self.state)
         settle(self._arrays)
         _clear_start(self.statics, self.state)

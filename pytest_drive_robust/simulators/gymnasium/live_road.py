@@ -91,7 +91,7 @@ class LiveRoad:
             width_m=float(body.WIDTH),
         )
         rows = [self._row(other) for other in self.others()]
-        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
+        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, WorldState.COLUMNS), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
         """Return every vehicle and solid object but the ego."""

@@ -221,12 +221,13 @@ LOOKS: dict[ActorKind, list[Part]] = {
 """The parts of every kind."""
 
 
+X, Y, Z, LENGTH, WIDTH, HEIGHT, RED, GREEN, BLUE, ROLE, FRONT, REAR, SIDES, MATERIAL, REACH = range(15)
+"""The columns of `part_rows`: the fields of `Part` in their order, a colour as three."""
+
+
 @cache
 def part_rows() -> tuple[Floats, NDArray[np.int64]]:
-    """Return all parts as (n, 15), and for each kind its first row and the row after its last, (k, 2).
-
-    Columns: x, y, z, length, width, height, red, green, blue, role, front, rear, sides, material, reach.
-    """
+    """Return all parts as (n, 15), and for each kind its first row and the row after its last, (k, 2)."""
     rows: list[tuple[float, ...]] = []
     spans = np.zeros((len(ActorKind), 2), np.int64)
     for kind, parts in LOOKS.items():
