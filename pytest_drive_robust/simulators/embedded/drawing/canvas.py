@@ -13,6 +13,9 @@ from pytest_drive_robust.arithmetic.scalars import cos_sin, tan
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Floats2, Ints1, Ints2, Packed1, Packed2
 
+Triple = tuple[float, float, float]
+"""A colour, or a place or direction."""
+
 ACROSS, DOWN, OFFSET, FARTHEST, NEAREST, BOX, SIDE, PACKED, RED, GREEN, BLUE, GLOW = range(12)
 LIGHT, EXTRA, PATTERN, ALONG_RIGHT, ALONG_UP, ALONG_FORWARD, START_M, DISTANCE_M = range(12, 20)
 FACE_COLUMNS = 20

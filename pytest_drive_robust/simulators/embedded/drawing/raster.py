@@ -17,9 +17,7 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
-
-Triple = tuple[float, float, float]
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Triple
 
 _SMALLEST_PX = 0.75
 _X, _Y, _LENGTH, _WIDTH, _HEIGHT = WorldState.X, WorldState.Y, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT

@@ -13,7 +13,7 @@ from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps, Triple
 from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     FLOOR_M,
     SILL_M,
@@ -24,7 +24,6 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     stripes,
 )
 
-Triple = tuple[float, float, float]
 Lens = tuple[float, float, float, float, float, float, float]
 
 CLEAR_STEPS_PER_M = 4
