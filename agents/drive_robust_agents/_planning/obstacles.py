@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.lateral import blend, shift_length_m
 from drive_robust_agents._planning.static_scene import StaticScene
@@ -89,31 +90,31 @@ def _nearest(
     first, last = max(0, min(int(row) - 10, len(route) - 1)), max(1, min(int(row + _LOOK_M) + 25, len(route)))
     count, found = 0, np.empty((len(boxes), 6))  # row, half a length, left, right, speed, whether it blocks
     for i in range(len(boxes)):
-        if boxes[i, 3] >= _CRAWL_MPS or boxes[i, 6] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
+        if boxes[i, box.SPEED] >= _CRAWL_MPS or boxes[i, box.ACCEL] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
             continue
         best, k = 1e18, first
         for other in range(first, last):
-            dx, dy = boxes[i, 0] - route[other, 0], boxes[i, 1] - route[other, 1]
+            dx, dy = boxes[i, box.X] - route[other, 0], boxes[i, box.Y] - route[other, 1]
             d = dx * dx + dy * dy
             if d < best:
                 best, k = d, other
-        dx, dy = boxes[i, 0] - route[k, 0], boxes[i, 1] - route[k, 1]
+        dx, dy = boxes[i, box.X] - route[k, 0], boxes[i, box.Y] - route[k, 1]
         at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
         k = int(min(max(at, 0.0), len(route) - 1.0))
-        turn_cos = cosines[k] * boxes[i, 7] + sines[k] * boxes[i, 8]
-        turn_sin = sines[k] * boxes[i, 7] - cosines[k] * boxes[i, 8]
-        half_length = 0.5 * (abs(turn_cos) * boxes[i, 4] + abs(turn_sin) * boxes[i, 5])
-        half_width = 0.5 * (abs(turn_cos) * boxes[i, 5] + abs(turn_sin) * boxes[i, 4])
+        turn_cos = cosines[k] * boxes[i, box.COS] + sines[k] * boxes[i, box.SIN]
+        turn_sin = sines[k] * boxes[i, box.COS] - cosines[k] * boxes[i, box.SIN]
+        half_length = 0.5 * (abs(turn_cos) * boxes[i, box.LENGTH] + abs(turn_sin) * boxes[i, box.WIDTH])
+        half_width = 0.5 * (abs(turn_cos) * boxes[i, box.WIDTH] + abs(turn_sin) * boxes[i, box.LENGTH])
         right -= lane[k]
         solid, gap = kinds[i] > _PEDESTRIAN, abs(right) - half_width
-        turns = boxes[i, 3] > _MOVES_MPS and abs(turn_sin) > _TURNED and not solid
+        turns = boxes[i, box.SPEED] > _MOVES_MPS and abs(turn_sin) > _TURNED and not solid
         if turns and kinds[i] != _BICYCLE:
             continue
         stays = solid or abs(right) > _OFF_CENTRE_M or stood_s[i] > _QUEUE_S or kinds[i] == _BICYCLE
         ahead = at + half_length > row - 3.0 and at - half_length < row + _LOOK_M
         blocks = stays and ahead and gap < half_ego_m + 0.3 and (turn_cos > 0.5 or solid)
         if blocks or (solid and gap < _BESIDE_M):
-            found[count, 0], found[count, 1], found[count, 4] = at, half_length, boxes[i, 3]
+            found[count, 0], found[count, 1], found[count, 4] = at, half_length, boxes[i, box.SPEED]
             found[count, 2], found[count, 3] = right - half_width, right + half_width
             found[count, 5] = 1.0 if blocks else 0.0
             count += 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
 from pytest_drive_robust.arithmetic.compiled import cos, sin
@@ -32,14 +33,14 @@ _SPEED, _LENGTH, _WIDTH = WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH
 class Traffic:
     """The other actors of this moment, one row each in every array.
 
-    `boxes` (k, 9) is x, y, yaw, speed, length, width, acceleration, cosine and sine of yaw; `kinds`, `ids` (k,);
-    `stood_s` (k,) seconds without moving; `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is
-    there twice, the second time at constant speed: he may also stop doing so.
+    `boxes` (k, 9) has the columns of `columns`; `kinds`, `ids` (k,); `stood_s` (k,) seconds without moving;
+    `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is there twice, the second time at
+    constant speed: he may also stop doing so.
     """
 
     def __init__(self) -> None:
         self._memory: Floats = np.zeros((0, 2))
-        self.boxes: Floats = np.zeros((0, 9))
+        self.boxes: Floats = np.zeros((0, box.COLUMNS))
         self.kinds: Ints = np.zeros(0, dtype=np.int64)
         self.ids: Ints = np.zeros(0, dtype=np.int64)
         self.stood_s: Floats = np.zeros(0)
@@ -72,7 +73,7 @@ def _look(
     now = np.empty((max(most + 1, len(memory)), 2))
     for i in range(len(now)):
         now[i, 0], now[i, 1] = np.nan, 0.0
-    boxes, stood_s = np.empty((2 * len(actors), 9)), np.empty(2 * len(actors))
+    boxes, stood_s = np.empty((2 * len(actors), box.COLUMNS)), np.empty(2 * len(actors))
     about = np.empty((3, 2 * len(actors)), dtype=np.int64)
     count = 0
     for doubted in range(2):
@@ -94,10 +95,10 @@ def _look(
             if speed < 0.1:
                 stood = elapsed_s + (memory[number, 1] if number < len(memory) else 0.0)
             now[number, 0], now[number, 1] = speed, stood
-            boxes[count, 0], boxes[count, 1], boxes[count, 2] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
-            boxes[count, 3], boxes[count, 4], boxes[count, 5] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
-            boxes[count, 6] = gained
-            boxes[count, 7], boxes[count, 8] = cos(actors[i, _YAW]), sin(actors[i, _YAW])
+            row = boxes[count]
+            row[box.X], row[box.Y], row[box.YAW] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
+            row[box.SPEED], row[box.LENGTH], row[box.WIDTH] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
+            row[box.ACCEL], row[box.COS], row[box.SIN] = gained, cos(actors[i, _YAW]), sin(actors[i, _YAW])
             stood_s[count] = stood
             about[0, count], about[1, count] = kind, number
             about[2, count] = 1 if kind <= _BICYCLE and speed > 0.05 else 0
