@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from pytest_drive_robust.arithmetic import scalars
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
@@ -26,7 +26,6 @@ from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, compile_town
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres
 from pytest_drive_robust.simulators.embedded.weathers import WEATHERS
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -61,10 +60,10 @@ class Site:
 
     style: str
     chain: str
-    length_m: Metres
-    trigger_m: Metres = (4.0, 14.0)
-    before_m: Metres | None = None
-    changes_m: tuple[Metres, ...] = ()
+    length_m: Range
+    trigger_m: Range = (4.0, 14.0)
+    before_m: Range | None = None
+    changes_m: tuple[Range, ...] = ()
     texts: tuple[tuple[str, str], ...] = ()
 
 
@@ -82,7 +81,7 @@ def all_sites() -> dict[str, tuple[Site, ...]]:
     return found
 
 
-def _ranges(text: str) -> tuple[Metres, ...]:
+def _ranges(text: str) -> tuple[Range, ...]:
     """Return `"6..10 46..50"` as pairs of numbers."""
     return tuple((float(low), float(high)) for low, _, high in (each.partition("..") for each in text.split()))
 

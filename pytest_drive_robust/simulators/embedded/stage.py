@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script, Trigger
@@ -45,7 +45,7 @@ class Stage(RoutePlaces):
     elements.
     """
 
-    def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, tuple[float, float]]) -> None:
+    def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, Range]) -> None:
         super().__init__(dense)
         self.ranges = ranges
         self.cast = Cast()
@@ -124,7 +124,7 @@ class Stage(RoutePlaces):
         path: int,
         *,
         speed_mps: float,
-        gap_m: tuple[float, float],
+        gap_m: Range,
         background: bool = False,
         kinds: tuple[ActorKind, ...] = _CARS,
         obeys_lights: bool = False,

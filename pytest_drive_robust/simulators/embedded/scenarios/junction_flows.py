@@ -6,11 +6,12 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{signalized,non_signaliz
 
 from __future__ import annotations
 
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.scenarios import parts
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Program, Stage, red_then_green
 
 _OWN_RED = red_then_green(parts.RED_S)
@@ -22,7 +23,7 @@ def _turn(
     from_arm: str,
     into: str = "straight",
     lights: tuple[Program, Program, Program] | None = None,
-    flow: tuple[Metres, Metres],
+    flow: tuple[Range, Range],
     given: bool = False,
 ) -> None:
     """Register a type: the ego turns across or into a flow that comes `from_arm`.

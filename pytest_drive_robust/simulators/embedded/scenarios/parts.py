@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 
 from pytest_drive_robust.arithmetic import arrays
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind, LightState
 from pytest_drive_robust.errors import RouteError
@@ -77,7 +78,7 @@ def oncoming_gaps(stage: Stage) -> None:
     stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(min(ends), max(ends)), background=True)
 
 
-def scenery(stage: Stage, gap_m: tuple[float, float] = (45.0, 90.0)) -> None:
+def scenery(stage: Stage, gap_m: Range = (45.0, 90.0)) -> None:
     """Add traffic the other way that only shares the road; a one-way road has none."""
     with suppress(RouteError):
         stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=gap_m, background=True)
@@ -107,7 +108,7 @@ def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[Ac
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
 
-def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (15.0, 30.0), lights: bool = False) -> None:
+def cross_traffic(stage: Stage, *, gap_m: Range = (15.0, 30.0), lights: bool = False) -> None:
     """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
 
     Bench2Drive's sources at a junction send the next car once the last one is 15 m away
