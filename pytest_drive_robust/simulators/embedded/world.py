@@ -25,8 +25,9 @@ from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
     settle_turn,
     tick,
 )
+from pytest_drive_robust.simulators.embedded.light_programs import RED, compile_programs
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
-from pytest_drive_robust.simulators.embedded.stage import RED, Stage, compile_programs
+from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
 
 EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
