@@ -18,10 +18,11 @@ from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, prolonged, shifted
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
+from pytest_drive_robust.simulators.embedded.weave import change_length_m
 
 _BEYOND_M = 160.0
 _BEHIND_M = 120.0
-_CHANGE_S, _CHANGE_M = 2.4, (20.0, 45.0)
+_LEAST_CHANGE_M, _MOST_CHANGE_M = 12.0, 45.0
 _SLOW_GAP_M = 80.0
 _SLOW_MPS, _RAMP_MPS, _LEAST_MPS = 14.0, 14.0, 7.0
 _SIDEWAYS_MPS2 = 3.0
@@ -45,7 +46,7 @@ def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec,
     begins = _BEHIND_M + trigger_m + 1.0
     fork = min(max(start + 0.35 * gap, begins + _over_m(limit) + 2.0), start + 0.55 * gap)
     over = min(_over_m(limit), fork - begins)
-    if over < _CHANGE_M[0] - 8.0:
+    if over < _LEAST_CHANGE_M:
         raise RouteError(f"{fork - begins:.0f} m from the trigger to the exit are too few to change lanes")
     target = shifted(own, side * LANE_M)
     ramp_start = place(target, project(target, *place(own, fork)[:2])[0])
@@ -174,7 +175,7 @@ def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
 
 
 def _over_m(speed_mps: float) -> float:
-    return min(max(_CHANGE_S * speed_mps, _CHANGE_M[0]), _CHANGE_M[1])
+    return min(change_length_m(speed_mps), _MOST_CHANGE_M)
 
 
 def _ramp_speed(ramp: Floats) -> float:
