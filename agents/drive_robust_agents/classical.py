@@ -25,10 +25,9 @@ from drive_robust_agents._planning import mkz
 from drive_robust_agents._planning.mkz import Pedals
 from drive_robust_agents._planning.plain_car import pedals_from_plain
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Classical"]
-
-Floats = NDArray[np.float64]
 
 _DT_S = 0.05
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 12.0, 6.5, 8.5

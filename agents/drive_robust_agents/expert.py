@@ -20,7 +20,7 @@ import copy
 import math
 from collections.abc import Sequence
 
-from drive_robust_agents._planning.control import Floats, pedals, steer_along
+from drive_robust_agents._planning.control import pedals, steer_along
 from drive_robust_agents._planning.intent import Intent
 from drive_robust_agents._planning.invader import invader_edge
 from drive_robust_agents._planning.lane_changes import LaneChanges, Siren
@@ -34,6 +34,7 @@ from drive_robust_agents._planning.traffic import TICK_S, Traffic
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Expert"]
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Gap"]
+from pytest_drive_robust.jit.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["Gap"]
 
 _LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
 _JUST_S, _NOBODY_S = 1.2, 6.0

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._classical.gap import Gap
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Overtake"]
-
-Floats = NDArray[np.float64]
 
 _LANE_M = 3.4
 _SLOPE = 0.5

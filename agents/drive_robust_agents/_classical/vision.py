@@ -24,10 +24,10 @@ from drive_robust_agents._classical.foreign import (
 )
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.arithmetic.scalars import tan
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
-Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 

@@ -7,12 +7,11 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.tracks import STEP_S
-from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Floats3, Ints1
 from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["rollouts"]
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 _DRIVE_LAG = 0.4

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import StaticScene
-from pytest_drive_robust.jit.arrays import Floats1, Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["invader_edge"]
-
-Floats = NDArray[np.float64]
 
 _LOOK_M, _BEHIND_M = 90, 3.0
 _TURNING_M = 12.0

@@ -7,13 +7,13 @@ import math
 import numpy as np
 
 from drive_robust_agents._planning import columns as box
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.lateral import blend
 from drive_robust_agents._planning.projection import project_all
 from drive_robust_agents._planning.static_scene import Change, StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["LaneChanges", "Siren"]
 

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.lateral import blend, shift_length_m
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.jit.arrays import Floats1, Floats2, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Ints1
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["Obstacle", "Pass", "nearest_obstacle", "ways_around"]

@@ -7,11 +7,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.projection import crossed_junctions
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import LightState, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["RightOfWay"]
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.projection import leaders
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Situation", "SpeedChoice", "is_free"]
 

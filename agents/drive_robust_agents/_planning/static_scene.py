@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats, speed_profile
+from drive_robust_agents._planning.control import speed_profile
 from drive_robust_agents._planning.tracks import lane_under
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.arrays import cos, sin
 from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Change", "LaneGraph", "StaticScene"]
 

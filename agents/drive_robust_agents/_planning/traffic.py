@@ -10,12 +10,11 @@ from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
-from pytest_drive_robust.jit.arrays import Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["HORIZON_S", "TICK_S", "Traffic"]
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0

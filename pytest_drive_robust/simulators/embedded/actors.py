@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded import state as c
 
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
@@ -82,11 +83,11 @@ class Script:
 class Cast:
     """Collects actors and flows; `freeze` returns the arrays of `State`."""
 
-    rows: list[NDArray[np.float64]] = field(default_factory=list)
+    rows: list[Floats] = field(default_factory=list)
     ints: list[NDArray[np.int64]] = field(default_factory=list)
     flow_rows: list[list[float]] = field(default_factory=list)
     flow_ints: list[list[int]] = field(default_factory=list)
-    flow_gaps: list[NDArray[np.float64]] = field(default_factory=list)
+    flow_gaps: list[Floats] = field(default_factory=list)
 
     def add(self, spec: ActorSpec) -> int:
         """Add one actor and return its number. Without a script it just does what its mode says."""
@@ -125,7 +126,7 @@ class Cast:
             whole[c.I_TRIGGER] = c.TRIGGER_PROGRESS
             row[c.A_TRIGGER_PROGRESS_M] = trigger.progress_m
 
-    def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: NDArray[np.float64]) -> None:
+    def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: Floats) -> None:
         """Add cars like `car`, of these kinds in turn, that come into being at `s_m` and leave at `end_m`.
 
         `gaps_m` are the distances between one car and the next, drawn beforehand.
@@ -141,7 +142,7 @@ class Cast:
 
     def freeze(
         self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    ) -> tuple[Floats, NDArray[np.int64], Floats, NDArray[np.int64], Floats]:
         """Return (actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
         return (
             np.array(self.rows).reshape(-1, c.ACTOR_COLUMNS),

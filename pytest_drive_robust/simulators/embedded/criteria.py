@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.compiled import cos, cos_sin, hypot, wrap_angle
 from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import note
@@ -350,7 +351,7 @@ def finish(world: WorldArrays) -> None:
         _close_yield(world)
 
 
-def criteria_arrays() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def criteria_arrays() -> tuple[Floats, NDArray[np.int64]]:
     """Return fresh criteria rows for the start of an episode."""
     floats = np.zeros(c.CRITERIA_COLUMNS)
     floats[[c.C_LAST_HIT_X, c.C_LAST_HIT_Y]] = 1e9

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.jit.arrays import Floats
 
 YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
@@ -57,7 +58,7 @@ def green_between(start_s: float, end_s: float) -> Program:
     )
 
 
-def compile_programs(programs: list[Program]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+def compile_programs(programs: list[Program]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
     """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
     before = np.array([int(program.before) for program in programs], dtype=np.int64)
     states = np.zeros((len(programs), _MOST_PHASES), dtype=np.int64)

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.state import DT_S
@@ -57,7 +56,7 @@ def _strayed(world: World) -> bool:
     return float(world.state.criteria[c.C_OFFROUTE_M]) > DEVIATION_SHARE * world.dense.length_m
 
 
-def _events(world: World) -> np.typing.NDArray[np.float64]:
+def _events(world: World) -> Floats:
     return world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
 
 

@@ -10,6 +10,7 @@ from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Ima
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.domain.truth import LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.jit.arrays import Floats
 
 
 class Sensors:
@@ -21,7 +22,7 @@ class Sensors:
         *,
         lane_map: LaneMap,
         weather: Weather,
-        route: np.typing.NDArray[np.float64],
+        route: Floats,
         dt_s: float,
     ) -> None:
         for camera in cameras:

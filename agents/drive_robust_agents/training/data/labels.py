@@ -19,13 +19,13 @@ from drive_robust_agents._planning.projection import nearest_ahead, project
 from drive_robust_agents._wrappers.route_planner import Target
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = [
     "BRANCH_TICKS", "FUTURE_TICKS", "LOOK_M", "ExpertMoment", "Row", "body_ahead", "gap_ahead", "motion_labels",
     "path_ahead", "to_ego", "way_labels",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Row = Mapping[str, NDArray[Any]]
 """One sample: an array for each name."""
 

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from drive_robust_agents.training.data.labels import ExpertMoment, to_ego
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, LightState, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["BOXES", "LANES", "MapLines", "box_labels"]
-
-Floats = NDArray[np.float64]
 
 BOXES, BOX_TICKS = 24, (10, 20, 30, 40, 50, 60)
 LANES, LANE_POINTS = 12, 6

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Floats
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = ["NEEDS", "bucket_weights", "draw_epoch", "level_types"]
-
-Floats = NDArray[np.float64]
 
 NEEDS = ("command", "controls", "future", "speed", "tag")
 """The columns of a sample that its weight depends on."""

@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SimLingoRecipe", "TalkPrompt", "talk"]
 
-Floats = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 
 MIX = {"comment": 0.24, "given": 0.06, "follow": 0.42, "safety": 0.2, "command": 0.08}
 """Kinds of the second prompt. As published, a fifth of the commentary is given in the prompt, four are to be said."""
@@ -199,7 +199,7 @@ def talk(
     return TalkPrompt(prompt, None if silent else FOLLOWING, dream(told, moment))
 
 
-def _sensed(speed: Floats, target: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
+def _sensed(speed: Floats32, target: Floats32, generator: np.random.Generator) -> tuple[Floats32, Floats32]:
     """Return speeds (N,) and target points (N, 2, 2) as a failing speedometer and a filtered, failing GPS give them."""
     reads = misread(speed, generator)
     off = _NOISE_LEFT * gps_errors(len(speed), generator)
