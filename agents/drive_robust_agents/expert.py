@@ -30,7 +30,8 @@ from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth

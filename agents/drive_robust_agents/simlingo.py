@@ -31,7 +31,7 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, published_motion
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Gap"]
@@ -20,7 +21,6 @@ _DRIFT_M = 0.1
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
 """Where the lane to the left is 40 to 100 m ahead, on a straight road."""
 _ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
-_DT_S = 0.05
 
 
 class Gap:
@@ -38,7 +38,7 @@ class Gap:
 
     def open(self, along_m: Floats, pixels: NDArray[np.uint8], ticks: int) -> bool:
         """Look at the foreign points of that lane, metres ahead, and at the picture, `ticks` after the last look."""
-        elapsed_s = ticks * _DT_S
+        elapsed_s = ticks * TICK_S
         ahead = np.sort(along_m[(along_m > 1.0) & (along_m < _LOOK_M)])
         nearest = float(ahead[1]) if len(ahead) >= 2 else math.inf
         moved = nearest - self._nearest_m

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from drive_robust_agents._planning import mkz
 from drive_robust_agents._planning.projection import project
+from drive_robust_agents._vehicle import mkz
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic.scalars import atan
 from pytest_drive_robust.arithmetic.signals import moving_sum

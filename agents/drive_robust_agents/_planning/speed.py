@@ -13,7 +13,8 @@ from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.projection import leaders
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Situation", "SpeedChoice", "is_free"]

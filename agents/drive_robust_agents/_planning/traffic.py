@@ -8,19 +8,18 @@ from numpy.typing import NDArray
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.jit.arrays import Floats, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
-__all__ = ["HORIZON_S", "TICK_S", "Traffic"]
+__all__ = ["HORIZON_S", "Traffic"]
 
 Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0
 _STEPS = round(HORIZON_S / STEP_S)
-TICK_S = 0.05
-"""Seconds from one tick of an observation to the next."""
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
 _LEAST_MPS2, _MOST_MPS2 = 0.3, 8.0

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import ENGINES, Network, Policy
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents._planning.mkz import Pedals
-from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
+from drive_robust_agents._vehicle.mkz import Pedals
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from drive_robust_agents._wrappers.tuning import Tuning, tuning_called

@@ -17,8 +17,8 @@ from drive_robust_agents._nets.blocks import fold_batch_norm  # noqa: E402
 from drive_robust_agents._nets.inference import Policy  # noqa: E402
 from drive_robust_agents._nets.torch_engine import TorchEngine  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec  # noqa: E402
-from drive_robust_agents._planning.mkz import Pedals  # noqa: E402
-from drive_robust_agents._planning.plain_car import pedals_from_plain  # noqa: E402
+from drive_robust_agents._vehicle.mkz import Pedals  # noqa: E402
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers.memory import CAN_BUS  # noqa: E402
 from drive_robust_agents.training.recipes.vad import VadRecipe  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from drive_robust_agents._planning import mkz, plain_car
+from drive_robust_agents._vehicle import mkz, plain_car
 from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]

@@ -29,6 +29,7 @@ from drive_robust_agents._nets.prompts import (
 )  # fmt: skip
 from drive_robust_agents._nets.simlingo import Driving, SimLingoNet, SimLingoSpec
 from drive_robust_agents._nets.words import PAD
+from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.reasons import commentary
 from drive_robust_agents.training.data.rigs import agent_rig
@@ -64,7 +65,7 @@ _BETA_M = 0.25
 _GAIN = 0.014
 """How much the agent's position filter believes a GPS fix, once settled (`_wrappers.kalman`)."""
 _NOISE_LEFT = (_GAIN / (2.0 - _GAIN)) ** 0.5
-_LAG_S = 0.05 / _GAIN
+_LAG_S = TICK_S / _GAIN
 """What the filter leaves of a deviation of the GPS, and by how many seconds a misread speed keeps its position back."""
 
 _prompt = lru_cache(maxsize=65536)(prompt_row)

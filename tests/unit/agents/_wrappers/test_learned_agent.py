@@ -22,7 +22,7 @@ from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
 from drive_robust_agents._nets.inference import ENGINES, ROWS, Policy
 from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
