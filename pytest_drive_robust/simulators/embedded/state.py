@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
 DT_S = 0.05
@@ -121,3 +123,11 @@ class State(NamedTuple):
     criteria: Floats1  # (10,)
     criteria_ints: Ints1  # (12,)
     events: Floats2  # (EVENT_CAPACITY, 6)
+
+    def noted(self) -> Floats2:
+        """Return the events of the episode so far, one row each."""
+        return self.events[: self.criteria_ints[CI_EVENTS]]
+
+    def infractions(self) -> int:
+        """Return how many events of the episode so far break a rule."""
+        return int(np.count_nonzero(self.noted()[:, EV_KIND] != EVENT_SPEED))
