@@ -129,7 +129,7 @@ def table(found: Sequence[InstructionScore]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the table for a folder of frames. Raises `UsageError` for weights or data that cannot be used."""
-    from drive_robust_agents._nets.inference import Policy
+    from drive_robust_agents._nets.inference import LoadedNetwork
     from drive_robust_agents.simlingo import SimLingo
 
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.instructions", description=__doc__)
@@ -138,9 +138,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--scenes", type=int, default=200, help="for each row of the table")
     parser.add_argument("--all", action="store_true", help="of all frames, not only those that training holds out")
     options = parser.parse_args(arguments)
-    policy = Policy.of("simlingo", SimLingo.architecture, weights=options.weights)
+    network = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=options.weights)
     frames = Frames(*options.data)
-    found = scores(lambda inputs: policy.run(**inputs), frames, scenes=options.scenes, everything=options.all)
+    found = scores(lambda inputs: network.run(**inputs), frames, scenes=options.scenes, everything=options.all)
     print(table(found))
 
 
