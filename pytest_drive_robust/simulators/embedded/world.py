@@ -26,6 +26,7 @@ from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
     tick,
 )
 from pytest_drive_robust.simulators.embedded.light_programs import RED, compile_programs
+from pytest_drive_robust.simulators.embedded.map import leftmost
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
@@ -203,7 +204,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         lane_junction=np.array([int(lane.junction) for lane in lane_map.lanes], dtype=np.int64),
         stop_lines=np.array([[s.x_m, s.y_m, s.heading_rad, s.width_m] for s in stops]).reshape(-1, 4),
         stop_is_light=np.array([int(s.is_light) for s in stops], dtype=np.int64),
-        stop_light=np.array([_leftmost(lane_map, s.lane) for s in stops], dtype=np.int64),
+        stop_light=np.array([leftmost(lane_map, s.lane) for s in stops], dtype=np.int64),
         light_states=states,
         light_until_s=until,
         light_before=before,
@@ -213,14 +214,6 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         patch_noise=_patch_noise(stage),
         survey=np.zeros((len(stage.paths), len(stage.cast.rows) + 1, c.SURVEY_COLUMNS)),
     )
-
-
-def _leftmost(lane_map: LaneMap, lane: int) -> int:
-    """Return the lane farthest to the left that leads the same way as `lane` and lies side by side with it."""
-    lanes = lane_map.lanes
-    while lanes[lane].left >= 0 and lanes[lane].left_same_way:
-        lane = lanes[lane].left
-    return lane
 
 
 def _patch_noise(stage: Stage) -> Floats:
