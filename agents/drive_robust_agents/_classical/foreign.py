@@ -1,4 +1,4 @@
-"""Which pixels are not ground, compiled. One file: numba's cache looks at the file of a kernel only."""
+"""Which pixels are not ground, compiled."""
 
 from __future__ import annotations
 

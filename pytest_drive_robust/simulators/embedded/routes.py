@@ -1,4 +1,4 @@
-"""The routes that we ship, as named sets over one file, and route files of your own.
+"""The routes that we ship, as named sets over one file.
 
 The file holds every scenario type in alphabetical order with the same number of routes each; the ids are
 100 for the first type, 200 for the second, ..., plus 1, 2, ... for its routes.

@@ -45,8 +45,8 @@ def draw_pixels(
 ) -> None:
     """Fill `canvas.colours` wherever a face is seen.
 
-    `rows` are the boxes, `clear` (n,) is the share of a surface's colour that
-    survives the air, by `CLEAR_STEPS_PER_M` steps of depth.
+    `rows` are the boxes, `clear` (n,) is the share of a surface's colour that survives the air, by `CLEAR_STEPS_PER_M`
+    steps of depth.
     """
     colours, faces, nearness = canvas.colours, canvas.faces, canvas.nearness
     touched, table = canvas.touched, canvas.table
