@@ -24,7 +24,7 @@ from drive_robust_agents._classical.foreign import (
 )
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.arithmetic.scalars import tan
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
@@ -160,7 +160,7 @@ def _largest_facing(mask: NDArray[np.bool_]) -> int:
     return int(blobs[facing, cv2.CC_STAT_AREA].max(initial=0))
 
 
-def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[Ints, Ints]:
     """Return (rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
     depth = forward_m - CAMERA.x_m
     rows = np.floor(CAMERA.height_px / 2.0 + _FOCAL_PX * CAMERA.z_m / depth).astype(np.int64)

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.tracks import STEP_S
-from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Floats3, Ints, Ints1
 from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["rollouts"]
-
-Ints = NDArray[np.int64]
 
 _DRIVE_LAG = 0.4
 """The engine gives so much of what is asked for in the first step."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.lateral import blend, shift_length_m
@@ -32,8 +31,6 @@ _OFF_CENTRE_M = 0.4
 _STARTS_MPS2, _MOVES_MPS, _TURNED = 0.5, 0.1, 0.15
 """Who accelerates like this is on the way, and so is who moves with his nose so far across the lane (a sine)."""
 _BICYCLE, _PEDESTRIAN = int(ActorKind.BICYCLE), int(ActorKind.PEDESTRIAN)
-
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from pytest_drive_robust.arithmetic.compiled import cos, sin
-from pytest_drive_robust.jit.arrays import Floats, Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Floats3, Ints, Ints1
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["crossed_junctions", "leaders", "nearest_ahead", "project", "project_all"]
-
-Ints = NDArray[np.int64]
 
 _AHEAD_M = 70
 _SAME_LANE_M = 1.7

@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drive_robust_agents._planning.projection import crossed_junctions
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import LightState, WorldState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["RightOfWay"]
-
-Ints = NDArray[np.int64]
 
 _STOP_SIGN, _COUNTS = int(LightState.STOP_SIGN), (int(LightState.RED), int(LightState.YELLOW))
 

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.lateral import path_of
@@ -15,11 +14,9 @@ from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from drive_robust_agents._vehicle.mkz import TICK_S
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["Situation", "SpeedChoice", "is_free"]
-
-Ints = NDArray[np.int64]
 
 _START_MARGINS = np.array([1.2, 0.7, 0.5])
 

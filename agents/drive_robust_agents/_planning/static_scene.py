@@ -6,18 +6,15 @@ import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning.control import speed_profile
 from drive_robust_agents._planning.tracks import lane_under
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.arrays import cos, sin
 from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["Change", "LaneGraph", "StaticScene"]
-
-Ints = NDArray[np.int64]
 
 _LATERAL_MPS2, _BRAKE_MPS2 = 2.8, 1.8
 _BESIDE_M = 5.5

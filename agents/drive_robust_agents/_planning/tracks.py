@@ -5,15 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints1
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["STEP_S", "lane_under", "tracks"]
-
-Ints = NDArray[np.int64]
 
 STEP_S = 0.2
 """Seconds between two places of a track."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import LaneGraph
@@ -11,12 +10,10 @@ from drive_robust_agents._planning.tracks import STEP_S, tracks
 from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
-from pytest_drive_robust.jit.arrays import Floats, Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["HORIZON_S", "Traffic"]
-
-Ints = NDArray[np.int64]
 
 HORIZON_S = 12.0
 _STEPS = round(HORIZON_S / STEP_S)

@@ -22,6 +22,7 @@ from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.recipes.dreaming import STEP_S, DreamStart, applicable
+from pytest_drive_robust.jit.arrays import Ints
 from pytest_drive_robust.stats.intervals import share_interval
 
 __all__ = ["ASKED", "NEEDS", "InstructionScore", "examine", "obeys", "scores", "table"]
@@ -147,14 +148,14 @@ def main(arguments: Sequence[str] | None = None) -> None:
 # --- below ---
 
 
-def _fitting(frames: Frames, order: NDArray[np.int64], kind: Kind, *, safety: bool) -> NDArray[np.int64]:
+def _fitting(frames: Frames, order: Ints, kind: Kind, *, safety: bool) -> Ints:
     """Return the rows in which the instruction makes a difference, in the same order."""
     few = frames.arrays(("speed", "future", "path", "facts"), order)
     fits = []
     for speed, future, path, facts in zip(few["speed"], few["future"], few["path"], few["facts"], strict=True):
         moment = DreamStart(path, float(speed), future[:, 3], dict(zip(FACTS, facts.tolist(), strict=True)))
         fits.append(kind in applicable(moment, safety=safety))
-    fitting: NDArray[np.int64] = order[np.array(fits, dtype=bool)]
+    fitting: Ints = order[np.array(fits, dtype=bool)]
     return fitting
 
 

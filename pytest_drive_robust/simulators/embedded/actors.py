@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded import state as c
 
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
@@ -84,7 +83,7 @@ class Cast:
     """Collects actors and flows; `freeze` returns the arrays of `State`."""
 
     rows: list[Floats] = field(default_factory=list)
-    ints: list[NDArray[np.int64]] = field(default_factory=list)
+    ints: list[Ints] = field(default_factory=list)
     flow_rows: list[list[float]] = field(default_factory=list)
     flow_ints: list[list[int]] = field(default_factory=list)
     flow_gaps: list[Floats] = field(default_factory=list)
@@ -142,7 +141,7 @@ class Cast:
 
     def freeze(
         self,
-    ) -> tuple[Floats, NDArray[np.int64], Floats, NDArray[np.int64], Floats]:
+    ) -> tuple[Floats, Ints, Floats, Ints, Floats]:
         """Return (actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
         return (
             np.array(self.rows).reshape(-1, c.ACTOR_COLUMNS),

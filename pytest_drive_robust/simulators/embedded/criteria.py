@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.compiled import cos, cos_sin, hypot, wrap_angle
 from pytest_drive_robust.domain.truth import LightState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import note
@@ -351,7 +350,7 @@ def finish(world: WorldArrays) -> None:
         _close_yield(world)
 
 
-def criteria_arrays() -> tuple[Floats, NDArray[np.int64]]:
+def criteria_arrays() -> tuple[Floats, Ints]:
     """Return fresh criteria rows for the start of an episode."""
     floats = np.zeros(c.CRITERIA_COLUMNS)
     floats[[c.C_LAST_HIT_X, c.C_LAST_HIT_Y]] = 1e9

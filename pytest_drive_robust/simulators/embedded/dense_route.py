@@ -7,13 +7,12 @@ from itertools import groupby, islice, pairwise
 from math import fsum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
@@ -35,7 +34,7 @@ class DenseRoute:
     route: Route
     rows: Floats
     s: Floats
-    lanes: NDArray[np.int64]
+    lanes: Ints
     trigger_m: float
     town: CompiledTown
 

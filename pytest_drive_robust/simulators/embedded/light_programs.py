@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LightState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 YELLOW_S = 2.0
 """Long enough that everybody at town speeds can stop before the line or be past it."""
@@ -58,7 +57,7 @@ def green_between(start_s: float, end_s: float) -> Program:
     )
 
 
-def compile_programs(programs: list[Program]) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats]:
+def compile_programs(programs: list[Program]) -> tuple[Ints, Ints, Floats]:
     """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
     before = np.array([int(program.before) for program in programs], dtype=np.int64)
     states = np.zeros((len(programs), _MOST_PHASES), dtype=np.int64)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.series import wrap_angle
@@ -13,7 +12,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish
@@ -230,7 +229,7 @@ def _patch_noise(stage: Stage) -> Floats:
     return noise
 
 
-def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:
+def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, Ints]:
     """Return where each path meets its first stop line, if it does."""
     stop_s = np.full(len(paths), np.inf)
     stop_line = np.full(len(paths), -1, dtype=np.int64)

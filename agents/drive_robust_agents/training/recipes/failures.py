@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents.training.recipes.augment import occlude
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["MOST_HIDDEN", "gps_errors", "hang", "late", "misread", "muddy"]
 
 Floats32 = NDArray[np.float32]
-Pixels = NDArray[np.uint8]
 
 MOST_HIDDEN = 0.85
 """The largest share of either side of an image that is hidden; the paper hides up to 0.8."""

@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
@@ -32,9 +31,7 @@ _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4,
 
 
 @inner
-def draw_faces(
-    canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
-) -> None:
+def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Floats, view: CameraView) -> None:
     """Draw boxes into `canvas.faces` and `canvas.nearness`, with a row of `canvas.table` for each face.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
