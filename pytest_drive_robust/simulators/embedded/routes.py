@@ -79,7 +79,7 @@ def is_shipped(route: Route) -> bool:
 
 def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
     if name not in _SETS:
-        raise UnknownNameError.of("route set", name, _SETS, hint="Or give the path of a route XML file.")
+        raise UnknownNameError.of("set of routes", name, _SETS, hint="Or give the path of a route XML file.")
     return _SETS[name]
 
 
