@@ -4,7 +4,7 @@ Each change is one factor of what stands between the network and the car. `our-n
 agents ship with the published ones; `ours-but-...` changes one factor of ours. `angle-wrapped` steers left for a target
 behind on the left, where the published agents steer right (`pid.published_turn_of`). `ours-but-target-rule`,
 `-steering` and `-pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are
-then given to the car as they are, while ours are converted from a plain car (`_planning/plain_car.py`).
+then given to the car as they are, while ours are converted from a plain car (`_vehicle/plain_car.py`).
 """
 
 from __future__ import annotations

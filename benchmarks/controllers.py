@@ -20,8 +20,8 @@ from itertools import product
 
 from rich.progress import track
 
-from drive_robust_agents._planning.mkz import Pedals
-from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
+from drive_robust_agents._vehicle.mkz import Pedals
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.path_controller import PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning

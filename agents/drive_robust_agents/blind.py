@@ -10,13 +10,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats, pedals, speed_profile, steer_along
+from drive_robust_agents._planning.control import pedals, speed_profile, steer_along
 from drive_robust_agents._planning.projection import project
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.arithmetic.arrays import atan2, hypot
 from pytest_drive_robust.arithmetic.signals import interpolate
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Blind"]
 

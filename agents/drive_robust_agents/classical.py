@@ -21,16 +21,14 @@ from drive_robust_agents._classical.lane_tracker import LaneTracker
 from drive_robust_agents._classical.overtake import Overtake
 from drive_robust_agents._classical.plan_path import Junction, PlanPath
 from drive_robust_agents._classical.vision import CAMERA, GroundModel
-from drive_robust_agents._planning import mkz
-from drive_robust_agents._planning.mkz import Pedals
-from drive_robust_agents._planning.plain_car import pedals_from_plain
+from drive_robust_agents._vehicle import mkz
+from drive_robust_agents._vehicle.mkz import Pedals
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Classical"]
 
-Floats = NDArray[np.float64]
-
-_DT_S = 0.05
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 12.0, 6.5, 8.5
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
 _LANE_SHARE = 0.85
@@ -79,7 +77,7 @@ class Classical:
         pixels = observation.cameras[CAMERA.name].pixels
         ticks = 1 if self._tick is None else max(observation.tick - self._tick, 1)  # more when controls are held
         self._tick = observation.tick
-        elapsed_s = ticks * _DT_S
+        elapsed_s = ticks * mkz.TICK_S
         travelled, turned = speed * elapsed_s, math.remainder(yaw - self._yaw_rad, math.tau)
         self._yaw_rad = yaw
         at = self._path.locate(observation.gps.x_m, observation.gps.y_m)

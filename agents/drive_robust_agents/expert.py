@@ -20,7 +20,7 @@ import copy
 import math
 from collections.abc import Sequence
 
-from drive_robust_agents._planning.control import Floats, pedals, steer_along
+from drive_robust_agents._planning.control import pedals, steer_along
 from drive_robust_agents._planning.intent import Intent
 from drive_robust_agents._planning.invader import invader_edge
 from drive_robust_agents._planning.lane_changes import LaneChanges, Siren
@@ -30,10 +30,12 @@ from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Expert"]
 
@@ -241,7 +243,7 @@ class Expert:
 
     def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
         """Return the profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
-        aside = self._siren.profile(now.scene, self._traffic, truth.frame, now.row)
+        aside = self._siren.profile(self._traffic, truth.frame)
         if aside is not None:
             return lanes.profile + aside
         if self._pass is not None:

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats, pedals, speed_profile, steer_along
+from drive_robust_agents._planning.control import pedals, speed_profile, steer_along
 from drive_robust_agents._planning.projection import nearest_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Reactive"]
 

@@ -18,7 +18,6 @@ published agent it keeps keys and values; commentary costs time that depends on 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Literal, get_args
@@ -31,10 +30,11 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, published_motion
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
+from drive_robust_agents._wrappers.memory import Sensed
 from drive_robust_agents._wrappers.path_controller import Creep, PathController
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
@@ -127,7 +127,8 @@ class SimLingo(LearnedAgent):
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
         path = numbers.SIMLINGO if self.tuning == "ours" else numbers.SIMLINGO_PUBLISHED
-        self._filter, self._controller, self._creep = self._made_filter(), PathController(path), Creep()
+        self._filter = PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
+        self._controller, self._creep = PathController(path), Creep()
         self._last: Control | None = None
         self._tick: int | None = None
         self.said = ""
@@ -146,17 +147,15 @@ class SimLingo(LearnedAgent):
 
     def _place(self, observation: Observation) -> PoseEstimate:
         """Return where it takes the vehicle to be. Once a call: the filter remembers."""
-        gps, yaw_rad, speed_mps = observation.gps, observation.compass.yaw_rad, observation.speed.mps
+        speed_mps = observation.speed.mps
         if self.position_filter == "none":
-            return PoseEstimate(gps.x_m, gps.y_m, 0.0 if math.isnan(yaw_rad) else yaw_rad, speed_mps)
+            return PoseEstimate(*Sensed.of(observation), speed_mps)
         before, self._tick = self._tick, observation.tick
         ticks = 1
         if before is not None and self.position_filter == "elapsed":
             ticks = max(1, observation.tick - before)
+        gps, yaw_rad = observation.gps, observation.compass.yaw_rad
         return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
-
-    def _made_filter(self) -> PositionFilter:
-        return PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)

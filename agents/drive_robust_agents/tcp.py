@@ -30,12 +30,12 @@ from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.jit.arrays import Pixels
 
 __all__ = ["CAMERAS", "TCP", "Fusion", "Mode", "joined"]
 
 Mode = Literal["traj", "ctrl", "fused"]
 
-Pixels = NDArray[np.uint8]
 
 CAMERAS = rig("tcp", width_px=160, height_px=96)
 """The three front cameras of the published agent, left to right, at a tenth of its resolution."""

@@ -6,7 +6,7 @@ They are written with operations of numpy that round correctly, one at a time. N
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pytest_drive_robust.arithmetic.series import (
     LARGEST_ANGLE_RAD,
@@ -18,8 +18,7 @@ from pytest_drive_robust.arithmetic.series import (
     sine,
     small_sinh,
 )
-
-Floats = NDArray[np.float64]
+from pytest_drive_robust.jit.arrays import Floats
 
 _quiet = np.errstate(all="ignore")  # branches that are computed and not chosen
 

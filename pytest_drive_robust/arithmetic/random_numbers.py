@@ -25,6 +25,9 @@ Item = TypeVar("Item")
 _UNIT = 2.0**-53
 _HALF_WORD = 0xFFFFFFFF
 
+Range = tuple[float, float]
+"""The least and the greatest of what is drawn."""
+
 
 class RandomNumbers:
     """A row of random numbers that depends on `key` and on nothing else.

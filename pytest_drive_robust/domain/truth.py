@@ -147,7 +147,7 @@ class EgoState:
 class WorldState:
     """The dynamic world at the end of a tick.
 
-    `actors` is (k, 10) float64, one row for each actor that exists now, columns (named by the constants):
+    `actors` is (k, COLUMNS) float64, one row for each actor that exists now, columns (named by the constants):
     id, kind (`ActorKind`), x, y, yaw, speed, length, width, height, state (`ActorState`).
     `lights` is (number of stop lines,) int: a `LightState` each.
     """
@@ -158,6 +158,7 @@ class WorldState:
     lights: NDArray[np.int64]
 
     ID, KIND, X, Y, YAW, SPEED, LENGTH, WIDTH, HEIGHT, STATE = range(10)
+    COLUMNS = 10
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Generic, TypeVar
 
-from pytest_drive_robust.errors import PerturbationError, UsageError, nearest
+from pytest_drive_robust.errors import PerturbationError, UsageError, did_you_mean
 
 _P = TypeVar("_P")
 
@@ -130,9 +130,7 @@ class _Variables(Generic[_P]):
         """Read one of `choices`, in any case."""
         text = self.text(name).lower() or default
         if text not in choices:
-            close = nearest(text, choices)
-            advice = "" if close is None else f". Did you mean {close!r}?"
-            raise self._refused(name, f"one of {', '.join(choices)}{advice}")
+            raise self._refused(name, f"one of {', '.join(choices)}.{did_you_mean(text, choices)}")
         return text
 
     def made(self, name: str, names: Sequence[str], **severities: object) -> _P:

@@ -15,7 +15,7 @@ import string
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
 
-from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, nearest
+from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
 if TYPE_CHECKING:
@@ -270,9 +270,7 @@ def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, o
         elif name in taken:
             message += f"{name!r} is already said in the sentence itself."
         else:
-            close = nearest(name, open_fields)
-            message += f"{cls.__name__} has no field {name!r}."
-            message += f" Did you mean {close!r}?" if close is not None else ""
+            message += f"{cls.__name__} has no field {name!r}.{did_you_mean(name, open_fields)}"
         raise RequirementError(f"{message} The brackets may hold: {', '.join(open_fields) or 'nothing'}.")
 
 
@@ -304,13 +302,13 @@ def _defaults(cls: type) -> dict[str, object]:
 def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
     numbers = [float(number) for number in re.findall(r"\d+\.?\d*|\.\d+", text)]
     forms = [template for cls in classes for template in templates_of(cls)]
-    near = nearest(" ".join(text.split()), filter(None, (_example(form, numbers) for form in forms)))
     message = f"there is no perturbation {text.strip()!r}."
     parts = re.split(r"\s*[+,&]\s*", text.strip())
     if len(parts) > 1 and all(_match(part, classes) for part in parts):
         message += f" Join failures with 'and': {' and '.join(parts)!r}."
-    elif near is not None:
-        message += f" Did you mean {near!r}?"
+    else:
+        meant = filter(None, (_example(form, numbers) for form in forms))
+        message += did_you_mean(" ".join(text.split()), meant)
     examples = list(filter(None, (_example(form, []) for form in forms)))
     return RequirementError(f"{message} Known sentences: {', '.join(map(repr, [CLEAN, *examples]))}.")
 

@@ -6,7 +6,7 @@ import math
 import numbers
 from collections.abc import Iterable
 
-from pytest_drive_robust.errors import PerturbationError, nearest
+from pytest_drive_robust.errors import PerturbationError, did_you_mean
 
 _ROUNDING = 1e-9  # 100 ms / 50 ms must be 2 ticks, although 0.1 / 0.05 may come out a hair below 2
 
@@ -59,9 +59,7 @@ def checked_choice(owner: object, name: str, choices: tuple[str, ...]) -> str:
     value = getattr(owner, name)
     if isinstance(value, str) and value in choices:
         return value
-    close = nearest(str(value), choices)
-    advice = "" if close is None else f" Did you mean {close!r}?"
-    raise refusal(owner, name, f"one of {', '.join(map(repr, choices))}.{advice}")
+    raise refusal(owner, name, f"one of {', '.join(map(repr, choices))}.{did_you_mean(str(value), choices)}")
 
 
 def whole_ticks(duration_s: float, dt_s: float) -> int:

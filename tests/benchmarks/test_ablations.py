@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from _variants import VARIANTS, Variant
 
-from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.bev_agent import CAMERAS
 from drive_robust_agents.tcp import CAMERAS as TCP_CAMERAS
@@ -26,7 +26,7 @@ NAMES = [(agent, name) for agent, (_, changes) in VARIANTS.items() for name in c
 
 @pytest.mark.parametrize(("agent", "name"), NAMES)
 def test_each_change_is_in_force_after_every_reset(agent: str, name: str, monkeypatch) -> None:
-    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)  # no network is asked here
+    monkeypatch.setattr(LoadedNetwork, "of", lambda *_, **__: None)  # no network is asked here
     change = VARIANTS[agent][1][name]
     driven = Variant(agent, name)()
     for _ in range(2):
@@ -58,7 +58,7 @@ def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps
     rows = {}
     for change in ("as-shipped", "memory-by-speedometer"):
         network = Asked()
-        monkeypatch.setattr(Policy, "of", lambda *_, network=network, **__: network)
+        monkeypatch.setattr(LoadedNetwork, "of", lambda *_, network=network, **__: network)
         agent = Variant("vad", change)()
         agent.reset(GlobalPlan(tuple(PlanPoint(x_m, 0.0, RoadOption.LANE_FOLLOW) for x_m in (0.0, 99.0))), 0)
         picture = np.zeros((96, 160, 3), dtype=np.uint8)
@@ -72,7 +72,7 @@ def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps
 
 
 def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatch) -> None:
-    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    monkeypatch.setattr(LoadedNetwork, "of", lambda *_, **__: None)
     rows, pictures = [], {camera.name: Image(np.zeros((96, 160, 3), np.uint8), 0) for camera in TCP_CAMERAS}
     for change in ("as-shipped", "place-20-m-behind"):
         agent = Variant("tcp", change)()
@@ -85,7 +85,7 @@ def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatc
 
 @pytest.mark.parametrize(("agent", "plans"), [("tcp", {"waypoints": 4}), ("simlingo", {"path": 20, "waypoints": 10})])
 def test_a_plan_is_turned_to_the_target_and_keeps_its_lengths(agent: str, plans: dict[str, int], monkeypatch) -> None:
-    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    monkeypatch.setattr(LoadedNetwork, "of", lambda *_, **__: None)
     straight = {name: np.array([[k + 1.0, 0.0] for k in range(count)], np.float32) for name, count in plans.items()}
     target = (10.0, 10.0)  # 45 degrees to the right
     for change, degrees in (("as-shipped", 0.0), ("half-to-the-target", 22.5), ("straight-to-the-target", 45.0)):
@@ -104,7 +104,7 @@ def test_a_plan_is_turned_to_the_target_and_keeps_its_lengths(agent: str, plans:
 def test_a_target_behind_on_the_left_is_steered_for_to_the_right_unless_the_angle_is_wrapped(
     agent: str, monkeypatch
 ) -> None:
-    monkeypatch.setattr(Policy, "of", lambda *_, **__: None)
+    monkeypatch.setattr(LoadedNetwork, "of", lambda *_, **__: None)
     straight, behind_on_the_left, steered = [(k + 1.0, 0.0) for k in range(6)], (-5.0, -5.0), {}
     for change in ("as-shipped", "angle-wrapped"):
         driven = Variant(agent, change)()

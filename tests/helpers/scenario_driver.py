@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.simulators.embedded import state as c

@@ -7,12 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["Corridor", "beside", "oncoming"]
-
-Floats = NDArray[np.float64]
 
 _RANGE_M = 34.0
 _LEFT_M, _RIGHT_M = 1.3, 1.5

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NightDetector", "lamp_light"]
+from pytest_drive_robust.jit.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["NightDetector", "lamp_light"]
 
 _SKY_ROWS, _SKY_STEP = slice(0, 24, 3), 8
 _NIGHT_SKY = 75

@@ -1,16 +1,15 @@
-"""Which pixels are not ground, compiled. One file: numba's cache looks at the file of a kernel only."""
+"""Which pixels are not ground, compiled."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Bytes2, Bytes3, Floats1, Floats2, Mask2
+from pytest_drive_robust.jit.arrays import Bytes2, Bytes3, Floats, Floats1, Floats2, Mask2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["COLUMN_STEP", "DEAD", "FIRST_ROW", "foreign_by_day", "foreign_by_night", "lowest_foreign"]
 
-Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 

@@ -7,9 +7,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Gap"]
+from drive_robust_agents._vehicle.mkz import TICK_S
+from pytest_drive_robust.jit.arrays import Floats
 
-Floats = NDArray[np.float64]
+__all__ = ["Gap"]
 
 _LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
 _JUST_S, _NOBODY_S = 1.2, 6.0
@@ -20,7 +21,6 @@ _DRIFT_M = 0.1
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
 """Where the lane to the left is 40 to 100 m ahead, on a straight road."""
 _ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
-_DT_S = 0.05
 
 
 class Gap:
@@ -38,7 +38,7 @@ class Gap:
 
     def open(self, along_m: Floats, pixels: NDArray[np.uint8], ticks: int) -> bool:
         """Look at the foreign points of that lane, metres ahead, and at the picture, `ticks` after the last look."""
-        elapsed_s = ticks * _DT_S
+        elapsed_s = ticks * TICK_S
         ahead = np.sort(along_m[(along_m > 1.0) & (along_m < _LOOK_M)])
         nearest = float(ahead[1]) if len(ahead) >= 2 else math.inf
         moved = nearest - self._nearest_m

@@ -11,6 +11,7 @@ from drive_robust_agents._classical.corridor import oncoming
 from drive_robust_agents._classical.plan_path import Junction
 from drive_robust_agents._classical.vision import signals
 from pytest_drive_robust import RoadOption
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["FRONT_M", "JunctionRules"]
 
@@ -37,7 +38,7 @@ class JunctionRules:
         self._stopped, self._committed = False, False
 
     def speed(
-        self, pixels: NDArray[np.uint8], bases: NDArray[np.float64], junction: Junction | None, at_m: float,
+        self, pixels: NDArray[np.uint8], bases: Floats, junction: Junction | None, at_m: float,
         speed_mps: float, elapsed_s: float,
     ) -> float:  # fmt: skip
         """Return the highest speed that the rules allow, infinity when they do not matter here [m/s].
@@ -53,7 +54,7 @@ class JunctionRules:
         turn = self._left_turn(bases, to_entry_m) if junction.command is RoadOption.LEFT else math.inf
         return min(turn, self._signals(pixels, to_entry_m, speed_mps, elapsed_s))
 
-    def _left_turn(self, bases: NDArray[np.float64], to_entry_m: float) -> float:
+    def _left_turn(self, bases: Floats, to_entry_m: float) -> float:
         """Wait before the middle of the junction for a gap; then do not hesitate."""
         to_wait_m = to_entry_m - _WAIT_BEFORE_M
         if self._committed or not -2.5 < to_wait_m < 12.0:

@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._classical.vision import ground_pixels
-from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Ints2
+from pytest_drive_robust.jit.arrays import Bytes3, Floats, Floats1, Ints, Ints2
 from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["LaneTracker"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _RIGHT_STEP_M, _FARTHEST_M = 0.12, 5.4
 _RIGHT_M = np.arange(-_FARTHEST_M, _FARTHEST_M + 0.01, _RIGHT_STEP_M)

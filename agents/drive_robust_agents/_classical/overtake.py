@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._classical.gap import Gap
+from drive_robust_agents._vehicle.mkz import TICK_S
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Overtake"]
-
-Floats = NDArray[np.float64]
 
 _LANE_M = 3.4
 _SLOPE = 0.5
@@ -24,7 +24,6 @@ _BESIDE_M, _NEXT_M = 8.0, 22.0
 _SAME_M, _DRIVEN_M, _AHEAD_M = 0.8, 2.0, 9.0
 _LAMPS = (slice(73, 120), slice(90, 166))
 _LAMP_RED, _LAMP_PX = 235, 2
-_DT_S = 0.05
 
 
 class Overtake:
@@ -51,7 +50,7 @@ class Overtake:
 
         It is not `allowed` near junctions.
         """
-        travelled_m = speed_mps * (ticks * _DT_S)
+        travelled_m = speed_mps * (ticks * TICK_S)
         wanted = -_LANE_M if self.passing else 0.0
         most = _SLOPE * abs(travelled_m)
         self.offset_m += min(max(wanted - self.offset_m, -most), most)
@@ -71,7 +70,7 @@ class Overtake:
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         still = still and not _brakes(pixels)
         self._blocked_m = first_m
-        self._waited_s = self._waited_s + ticks * _DT_S if still else 0.0
+        self._waited_s = self._waited_s + ticks * TICK_S if still else 0.0
         if not still:
             self._gap = Gap()
         elif self._gap.open(left_m, pixels, ticks) and self._waited_s > _WAIT_S:

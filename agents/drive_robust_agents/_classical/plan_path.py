@@ -6,16 +6,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust import GlobalPlan, RoadOption
 from pytest_drive_robust.arithmetic.arrays import hypot
 from pytest_drive_robust.arithmetic.scalars import atan2, cos, sin, tan
 from pytest_drive_robust.arithmetic.signals import interpolate
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Junction", "PlanPath"]
-
-Floats = NDArray[np.float64]
 
 _STEP_M = 0.5
 _WINDOW_M = 12.0

@@ -24,10 +24,10 @@ from drive_robust_agents._classical.foreign import (
 )
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.arithmetic.scalars import tan
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
-Floats = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
@@ -41,6 +41,8 @@ _MOONLIGHT = 0.12
 """What lights the road by night, as a share of the headlamps."""
 _LIT, _DIM = 0.2, 0.5
 _ASPHALT_RANGE = (65.0, 125.0)
+_UNSEEN = 98.0
+"""How bright asphalt is taken to be before any was seen."""
 _ENOUGH = 40
 _LEARN = 0.12
 _LAMP_RED = 210
@@ -64,7 +66,7 @@ class GroundModel:
         self._light = lit + _MOONLIGHT
         self._lit, self._dim = lit > _LIT, lit < _DIM
         self._asphalt: Floats | None = None
-        self._paint = np.full(3, 98.0)
+        self._paint = np.full(3, _UNSEEN)
         self._dusk = NightDetector()
         self._night = False
 
@@ -74,7 +76,7 @@ class GroundModel:
             lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
             return lit
         if self._asphalt is None:
-            return np.full(len(forward_m), 98.0)
+            return np.full(len(forward_m), _UNSEEN)
         return np.full(len(forward_m), math.fsum(self._asphalt[-20:, 1].tolist()) / 20.0)
 
     def bases(self, pixels: Bytes) -> Floats:
@@ -158,7 +160,7 @@ def _largest_facing(mask: NDArray[np.bool_]) -> int:
     return int(blobs[facing, cv2.CC_STAT_AREA].max(initial=0))
 
 
-def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def ground_pixels(forward_m: Floats, right_m: Floats) -> tuple[Ints, Ints]:
     """Return (rows, columns) of the pixels that show these places of flat ground; columns are clipped to the image."""
     depth = forward_m - CAMERA.x_m
     rows = np.floor(CAMERA.height_px / 2.0 + _FOCAL_PX * CAMERA.z_m / depth).astype(np.int64)

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust import CameraSpec, rig
 from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["OUT_OF_SIGHT", "BevSpec", "TokensInSight", "camera_views", "project"]
 
-Floats = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 OUT_OF_SIGHT = -1.0e4
@@ -59,7 +60,7 @@ class BevSpec:
         known = {camera.name: camera for camera in specs}
         return tuple(known[name] for name in self.cameras)
 
-    def centres(self, *, finer: int = 1) -> Floats:
+    def centres(self, *, finer: int = 1) -> Floats32:
         """Return the middles (rows * finer, columns * finer, 2) of the cells cut into `finer` x `finer`: x, y [m]."""
         ahead = (np.arange(self.rows * finer) + 0.5) / (self.rows * finer)
         aside = (np.arange(self.columns * finer) + 0.5) / (self.columns * finer) * 2.0 - 1.0
@@ -67,7 +68,7 @@ class BevSpec:
         y = self.aside_m * arrays.sinh(self.bend * aside) / scalars.sinh(self.bend)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).astype(np.float32)
 
-    def sizes(self, *, finer: int = 1) -> Floats:
+    def sizes(self, *, finer: int = 1) -> Floats32:
         """Return the length and width (rows * finer, columns * finer, 2) of the cells [m]."""
         edges = arrays.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / scalars.sinh(self.bend)
         width = self.aside_m * np.diff(edges)
@@ -85,7 +86,7 @@ class TokensInSight:
     """
 
     cells: Indices
-    bias: Floats
+    bias: Floats32
 
 
 def camera_views(spec: BevSpec) -> tuple[TokensInSight, ...]:
@@ -111,9 +112,7 @@ def _view(spec: BevSpec, camera: CameraSpec) -> TokensInSight:
     return TokensInSight(cells, np.where(near, -0.5 * away, OUT_OF_SIGHT).astype(np.float32))
 
 
-def project(
-    camera: CameraSpec, x_m: NDArray[np.float64], y_m: NDArray[np.float64], z_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def project(camera: CameraSpec, x_m: Floats, y_m: Floats, z_m: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Return where points of the ego frame at height `z_m` are seen.
 
     Gives (u, v) in pixels and whether they lie before the camera.

@@ -23,9 +23,9 @@ from drive_robust_agents._nets import require
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.answer import GENERATE, answer_and_drive
 from drive_robust_agents._nets.manifest import WeightsEntry
-from pytest_drive_robust.errors import UsageError, nearest
+from pytest_drive_robust.errors import UsageError, did_you_mean
 
-__all__ = ["ENGINES", "ROWS", "Engine", "Network", "Policy"]
+__all__ = ["ENGINES", "ROWS", "Engine", "LoadedNetwork", "Network"]
 
 ROWS = 4
 """Rows of a batch. With one size for all the sums of a matrix product are added in the same order everywhere."""
@@ -39,7 +39,7 @@ _Arrays = Mapping[str, NDArray[Any]]
 
 
 class Network(Protocol):
-    """What an agent needs of a `Policy`."""
+    """What an agent needs of a `LoadedNetwork`."""
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
         """Run a method of the network on all rows at once: arrays with the rows as their first axis."""
@@ -55,8 +55,8 @@ class Engine(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class _PolicyKey:
-    """Everything that distinguishes one policy from another. `content` are the digests of its files."""
+class _NetworkKey:
+    """Everything that distinguishes one network from another. `content` are the digests of its files."""
 
     name: str
     network: str
@@ -68,8 +68,8 @@ class _PolicyKey:
     content: tuple[str, ...]
 
 
-class Policy:
-    """A network with its weights, ready to drive. Make one with `Policy.of`."""
+class LoadedNetwork:
+    """A network with its weights, ready to drive. Make one with `LoadedNetwork.of`."""
 
     def __init__(self, entry: WeightsEntry, engine: Engine) -> None:
         self.entry, self.engine = entry, engine
@@ -85,8 +85,8 @@ class Policy:
         dtype: str = "float32",
         threads: int = 1,
         weights: str | Path | None = None,
-    ) -> Policy:
-        """Return the policy of an agent; the same object for the same key in this process.
+    ) -> LoadedNetwork:
+        """Return the network of an agent; the same object for the same key in this process.
 
         `network` is the module of its network and the class in it, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime,
         on a CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. `dtype` other than
@@ -96,7 +96,7 @@ class Policy:
         """
         _require_possible(engine, dtype, threads)
         _, entry = store.locate(name, weights)
-        key = _PolicyKey(
+        key = _NetworkKey(
             name,
             network,
             engine,
@@ -152,7 +152,7 @@ _making = threading.Lock()
 
 
 @functools.cache
-def _made(key: _PolicyKey) -> Policy:
+def _made(key: _NetworkKey) -> LoadedNetwork:
     path, entry = store.locate(key.name, key.file)
     if _digests(entry) != key.content:
         raise UsageError(f"{key.name}: the manifest changed while its weights were read. Start again.")
@@ -169,7 +169,7 @@ def _made(key: _PolicyKey) -> Policy:
         from drive_robust_agents._nets.onnx_engine import OnnxEngine
 
         engine = OnnxEngine(path, entry, architecture=_class_of(key.network), threads=key.threads)
-    return Policy(entry, engine)
+    return LoadedNetwork(entry, engine)
 
 
 def _digests(entry: WeightsEntry) -> tuple[str, ...]:
@@ -202,9 +202,8 @@ def _require_possible(engine: str, dtype: str, threads: int) -> None:
 
 def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:
     if given not in known:
-        close = nearest(given, known)
-        hint = "" if close is None else f" Did you mean {close!r}?"
-        raise UsageError(f"{what}={given!r}: expected one of {', '.join(map(repr, known))}.{hint}")
+        names = ", ".join(map(repr, known))
+        raise UsageError(f"{what}={given!r}: expected one of {names}.{did_you_mean(given, known)}")
 
 
 def _device(given: str, engine: str) -> str:

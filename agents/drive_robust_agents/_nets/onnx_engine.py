@@ -14,7 +14,7 @@ import numpy as np
 import onnxruntime
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.manifest import WeightsEntry
+from drive_robust_agents._nets.manifest import MANIFEST, WeightsEntry
 from drive_robust_agents._nets.weights import ADVICE, tensors_of, verified_bytes, verified_graph
 from pytest_drive_robust.errors import UsageError
 
@@ -32,7 +32,7 @@ class OnnxEngine:
     def __init__(self, path: Path, entry: WeightsEntry, *, architecture: str, threads: int = 1) -> None:
         if not entry.graphs:
             raise UsageError(
-                f"{path.with_name('manifest.json')} lists no graph of {entry.label}, which ONNX Runtime needs: write "
+                f"{path.with_name(MANIFEST)} lists no graph of {entry.label}, which ONNX Runtime needs: write "
                 f"one with `python -m drive_robust_agents.training graphs {path}`, or give engine='torch'."
             )
         tensors = tensors_of(path, entry, verified_bytes(path, entry), architecture=architecture)

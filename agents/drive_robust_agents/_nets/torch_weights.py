@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from drive_robust_agents._nets import require
 from drive_robust_agents._nets.blocks import channels_last, fold_batch_norm
 from drive_robust_agents._nets.manifest import WeightsEntry, plain_spec
-from drive_robust_agents._nets.weights import ADVICE, Tensors, locate, metadata, tensors_of, verified_bytes
+from drive_robust_agents._nets.weights import ADVICE, Tensors, header_of, locate, metadata, tensors_of, verified_bytes
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["Build", "begin_with", "encode", "load"]
@@ -64,10 +64,10 @@ def encode(net: nn.Module, spec: object) -> bytes:
 def _in_order(content: bytes) -> bytes:
     """Sort the header: safetensors writes metadata in random order, and digests would differ.
 
-    A file is the header's length in 8 bytes, the header (JSON, padded to a multiple of 8), the tensors.
+    Spaces make its length a multiple of 8, as safetensors does.
     """
-    begin = 8 + int.from_bytes(content[:8], "little")
-    header = json.dumps(json.loads(content[8:begin]), sort_keys=True, separators=(",", ":")).encode()
+    begin, known = header_of(content)
+    header = json.dumps(known, sort_keys=True, separators=(",", ":")).encode()
     header += b" " * (-len(header) % 8)
     return len(header).to_bytes(8, "little") + header + content[begin:]
 

@@ -17,10 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.manifest import FORMAT_VERSION, MOST_BYTES, GraphFile, WeightsEntry, read_manifest
+from drive_robust_agents._nets.manifest import (
+    FORMAT_VERSION,
+    MANIFEST,
+    MOST_BYTES,
+    GraphFile,
+    WeightsEntry,
+    read_manifest,
+)
 from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ADVICE", "SHIPPED", "Tensors", "locate", "metadata", "tensors_of", "verified_bytes", "verified_graph"]
+__all__ = [
+    "ADVICE", "SHIPPED", "Tensors", "header_of", "locate", "metadata", "tensors_of", "verified_bytes",
+    "verified_graph",
+]  # fmt: skip
 
 Tensors = Mapping[str, NDArray[Any]]
 """Arrays by the names of a network's parameters and statistics."""
@@ -42,7 +52,7 @@ def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsE
     entry = read_manifest(folder, name)
     path = folder / entry.file
     if weights is not None and path != Path(weights).absolute():
-        raise UsageError(f"{folder / 'manifest.json'} lists {entry.file!r} for {name!r}, not {Path(weights).name!r}.")
+        raise UsageError(f"{folder / MANIFEST} lists {entry.file!r} for {name!r}, not {Path(weights).name!r}.")
     return path, entry
 
 
@@ -62,12 +72,11 @@ def verified_graph(path: Path, entry: WeightsEntry, graph: GraphFile) -> bytes:
 def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture: str) -> Tensors:
     """Return the tensors of a weight file whose header says what the manifest says, views of `content`.
 
-    A file is the header's length in 8 bytes, the header (JSON), the tensors one after the other. Raises `UsageError`
-    for another kind of file, another header, and for weights of another network than `architecture`.
+    Raises `UsageError` for another kind of file, another header, and for weights of another network than
+    `architecture`.
     """
     try:
-        begin = 8 + int.from_bytes(content[:8], "little")
-        header: dict[str, Any] = json.loads(content[8:begin])
+        begin, header = header_of(content)
         given = header.pop("__metadata__", {})
         data = memoryview(content)[begin:]
         tensors = {name: _tensor(data, **facts) for name, facts in header.items()}
@@ -82,6 +91,15 @@ def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture:
     if entry.architecture != architecture:
         raise UsageError(f"{path} holds weights of {entry.architecture}, expected those of {architecture}. {ADVICE}")
     return tensors
+
+
+def header_of(content: bytes) -> tuple[int, dict[str, Any]]:
+    """Return where the tensors of a weight file begin, in bytes, and its header. Raises `ValueError` where none is.
+
+    A file is the header's length in 8 bytes, the header (JSON), the tensors one after the other.
+    """
+    begin = 8 + int.from_bytes(content[:8], "little")
+    return begin, json.loads(content[8:begin])
 
 
 def metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:

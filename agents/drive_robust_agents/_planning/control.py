@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drive_robust_agents._planning import mkz
 from drive_robust_agents._planning.projection import project
+from drive_robust_agents._vehicle import mkz
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic.scalars import atan
 from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
-
-Floats = NDArray[np.float64]
 
 _SETTLE_M, _SETTLE_S = 2.0, 0.45
 

@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.tracks import STEP_S
-from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Floats3, Ints, Ints1
 from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["rollouts"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-DRIVE_LAG = 0.4
+_DRIVE_LAG = 0.4
 """The engine gives so much of what is asked for in the first step."""
-SETTLE_MPS2 = 2.5
+_SETTLE_MPS2 = 2.5
 """How hard the ego slows down for a lower speed limit."""
-LEADER_BRAKE_MPS2, RECOVER_MPS2 = 5.5, 2.5
+_LEADER_BRAKE_MPS2, _RECOVER_MPS2 = 5.5, 2.5
 """How hard somebody ahead may brake, and how hard somebody who braked for the ego accelerates again."""
-NOTICED_M, NOTICED_STEPS = 1.0, 2
+_NOTICED_M, _NOTICED_STEPS = 1.0, 2
 """Who follows, with the ego's middle so near to his line already, is expected to brake for it, after so many steps."""
-FOLLOWS_COSINE = 0.6
-BICYCLE_WIDTH_M = 1.0
+_FOLLOWS_COSINE = 0.6
+_BICYCLE_WIDTH_M = 1.0
 """Nobody narrower than this is expected to brake for the ego."""
-NOSE_M, TAIL_M, HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
+_NOSE_M, _TAIL_M, _HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 """With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more; with so much
 of its tail in it, it is out."""
 
-
-A_LENGTH, A_WIDTH = 4, 5
-T_LENGTH, T_WIDTH, T_LEADS, T_CLOSE, T_FOLLOWS, T_CLOCK, T_SPEED = range(7)
+_LENGTH, _WIDTH, _LEADS, _CLOSE, _FOLLOWS, _CLOCK, _SPEED = range(7)
+"""Columns of the table of those who come near, while one plan is tried."""
 
 
 @inner
@@ -66,7 +62,7 @@ def _near(path: Floats, s0: float, reach: float, forecast: Floats, actors: Float
     found = np.empty(len(forecast), dtype=np.int64)
     count = 0
     for i in range(len(forecast)):
-        margin = 4.0 + 0.5 * (actors[i, A_LENGTH] + actors[i, A_WIDTH])
+        margin = 4.0 + 0.5 * (actors[i, box.LENGTH] + actors[i, box.WIDTH])
         for step in range(steps + 1):
             x, y = forecast[i, step, 0], forecast[i, step, 1]
             if left - margin < x < right + margin and low - margin < y < high + margin:
@@ -81,18 +77,18 @@ def _ego_speed(v: float, accel: float, limit: float) -> float:
     """Return the ego's speed a step later: never backwards, and settling to the limit."""
     after = max(0.0, v + accel * STEP_S)
     if after > limit:
-        after = min(after, max(limit, v - SETTLE_MPS2 * STEP_S))
+        after = min(after, max(limit, v - _SETTLE_MPS2 * STEP_S))
     return float(after)
 
 
 @inner
-def _stays_out(s0: float, s: float, v0: float, half: float, boxes: Floats) -> bool:
+def _stays_out(s0: float, s: float, v0: float, half: float, junctions: Floats) -> bool:
     """Return False when a plan ends within a junction that it could have waited for."""
-    if s - s0 < 0.1 + v0 * v0 / (2.0 * HARD_BRAKE_MPS2):
+    if s - s0 < 0.1 + v0 * v0 / (2.0 * _HARD_BRAKE_MPS2):
         return True
-    for b in range(len(boxes)):
-        before = s0 + half <= boxes[b, 0] + NOSE_M
-        if before and s + half > boxes[b, 0] + 0.5 and s - half < boxes[b, 1] - TAIL_M:
+    for b in range(len(junctions)):
+        before = s0 + half <= junctions[b, 0] + _NOSE_M
+        if before and s + half > junctions[b, 0] + 0.5 and s - half < junctions[b, 1] - _TAIL_M:
             return False
     return True
 
@@ -107,8 +103,8 @@ def _hits(
     His clock and his speed are updated: the clock runs slower for who brakes. He is expected to brake for an ego that
     he follows already; for one that comes into his way nobody does.
     """
-    length, width, clock, speed = others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_CLOCK], others[j, T_SPEED]
-    leads = others[j, T_LEADS] > 0.0
+    length, width, clock, speed = others[j, _LENGTH], others[j, _WIDTH], others[j, _CLOCK], others[j, _SPEED]
+    leads = others[j, _LEADS] > 0.0
     k = int(min(clock, steps - 1.0))
     share = min(clock - k, 1.0)
     dx = x - forecast[i, k, 0] - share * (forecast[i, k + 1, 0] - forecast[i, k, 0])
@@ -116,16 +112,16 @@ def _hits(
     planned, oc, os = max(forecast[i, k, 3], 0.01), forecast[i, k, 4], forecast[i, k, 5]
     in_front, beside, aligned = dx * oc + dy * os, abs(dy * oc - dx * os), c * oc + s * os
     if leads:
-        speed = max(0.0, speed - LEADER_BRAKE_MPS2 * STEP_S)
+        speed = max(0.0, speed - _LEADER_BRAKE_MPS2 * STEP_S)
     else:
         was = speed
-        speed = min(was + RECOVER_MPS2 * STEP_S, planned)
-        if others[j, T_FOLLOWS] > 0.0 and in_front > 0.0 and step > NOTICED_STEPS:
+        speed = min(was + _RECOVER_MPS2 * STEP_S, planned)
+        if others[j, _FOLLOWS] > 0.0 and in_front > 0.0 and step > _NOTICED_STEPS:
             closing, gap = max(was - v, 0.0), in_front - 0.5 * (size[0] + length)
             if gap < 3.0 + closing * closing / (2.0 * yields_mps2) + 0.4 * was:
                 speed = max(min(v, was), was - yields_mps2 * STEP_S)
     clock += min(speed / planned, 1.5)
-    others[j, T_CLOCK], others[j, T_SPEED] = clock, speed
+    others[j, _CLOCK], others[j, _SPEED] = clock, speed
     k = int(min(clock, steps - 1.0))
     share = min(clock - k, 1.0)
     dx = forecast[i, k, 0] + share * (forecast[i, k + 1, 0] - forecast[i, k, 0]) - x
@@ -134,7 +130,7 @@ def _hits(
     if abs(dx) > reach or abs(dy) > reach:
         return False
     oc, os = forecast[i, k, 4], forecast[i, k, 5]
-    if others[j, T_CLOSE] > 0.0:
+    if others[j, _CLOSE] > 0.0:
         return bool(_touch(dx, dy, c, s, size[0], size[1], oc, os, length, width))
     if not leads and (aligned <= 0.8 or beside >= 0.5 * (size[1] + width)):
         length += 2.0 * margins[2] * speed
@@ -151,14 +147,15 @@ def _leads_over(forecast: Floats, i: int, steps: int, x: float, y: float, c: flo
         if along <= 0.0:
             return False
         if along <= STEP_S * forecast[i, step, 3]:
-            return bool(abs(dy * oc - dx * os) < NOTICED_M and c * oc + s * os > FOLLOWS_COSINE)
+            return bool(abs(dy * oc - dx * os) < _NOTICED_M and c * oc + s * os > _FOLLOWS_COSINE)
     return False
 
 
 @entry
 def rollouts(
     path: Floats2, s0: float, v0: float, size: Floats1, forecast: Floats3, actors: Floats2, leads: Ints1,
-    plans: Floats2, limits: Floats1, boxes: Floats2, stop_s: float, margins: Floats1, yields_mps2: float, steps: int,
+    plans: Floats2, limits: Floats1, junctions: Floats2, stop_s: float, margins: Floats1, yields_mps2: float,
+    steps: int,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return (seconds until trouble, metres driven until then) for each plan; without trouble the whole horizon.
 
@@ -166,8 +163,8 @@ def rollouts(
     `tracks.tracks`, of which the first `steps` count; `actors` are `Traffic.boxes`; `plans` (m, 3) accelerate at
     [0] for [1] seconds, then at [2]. `limits` is the speed limit of each row. `margins` are metres added to the
     ego's length, its width, and seconds by which who crosses may come earlier or later. Trouble is an overlap of
-    two boxes, the front bumper beyond row `stop_s`, or being within one of the `boxes` (first row, last row) at the
-    end although it was possible to wait before it. Who follows the ego already is expected to brake for
+    two boxes, the front bumper beyond row `stop_s`, or being within one of the `junctions` (first row, last row) at
+    the end although it was possible to wait before it. Who follows the ego already is expected to brake for
     it at `yields_mps2`, nobody else.
     """
     half, last = 0.5 * size[0], len(path) - 2.0
@@ -182,24 +179,24 @@ def rollouts(
     y = path[k, 1] + (s0 - k) * (path[k + 1, 1] - path[k, 1])
     for j in range(len(near)):
         i = near[j]
-        length, width = actors[i, A_LENGTH], actors[i, A_WIDTH]
+        length, width = actors[i, box.LENGTH], actors[i, box.WIDTH]
         # who is within the margins already cannot be kept out of them
         close = _touch(
             forecast[i, 0, 0] - x, forecast[i, 0, 1] - y, path[k, 3], path[k, 4], size[0] + margins[0],
             size[1] + margins[1], forecast[i, 0, 4], forecast[i, 0, 5], length, width,
         )  # fmt: skip
-        others[j, T_LENGTH], others[j, T_WIDTH], others[j, T_LEADS] = length, width, float(leads[i])
-        others[j, T_CLOSE] = 1.0 if close else 0.0
-        follows = width > BICYCLE_WIDTH_M and _leads_over(forecast, i, steps, x, y, path[k, 3], path[k, 4])
-        others[j, T_FOLLOWS] = 1.0 if follows else 0.0
+        others[j, _LENGTH], others[j, _WIDTH], others[j, _LEADS] = length, width, float(leads[i])
+        others[j, _CLOSE] = 1.0 if close else 0.0
+        follows = width > _BICYCLE_WIDTH_M and _leads_over(forecast, i, steps, x, y, path[k, 3], path[k, 4])
+        others[j, _FOLLOWS] = 1.0 if follows else 0.0
     for p in range(len(plans)):
         s, v = s0, v0
         for j in range(len(near)):
-            others[j, T_CLOCK], others[j, T_SPEED] = 0.0, forecast[near[j], 0, 3]
+            others[j, _CLOCK], others[j, _SPEED] = 0.0, forecast[near[j], 0, 3]
         for step in range(1, steps + 1):
             accel = plans[p, 0] if step * STEP_S <= plans[p, 1] + 1e-9 else plans[p, 2]
             if step == 1 and accel > 0.0:
-                accel *= DRIVE_LAG
+                accel *= _DRIVE_LAG
             after = _ego_speed(v, accel, limits[int(min(max(s, 0.0), len(limits) - 1.0))])
             s += 0.5 * (v + after) * STEP_S
             v = after
@@ -218,6 +215,6 @@ def rollouts(
                 found[p] = (step - 1) * STEP_S
                 break
         driven[p] = s - s0
-        if found[p] >= steps * STEP_S - 1e-9 and not _stays_out(s0, s, v0, half, boxes):
+        if found[p] >= steps * STEP_S - 1e-9 and not _stays_out(s0, s, v0, half, junctions):
             found[p] = 0.1
     return found, driven

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.static_scene import StaticScene
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Intent"]
 

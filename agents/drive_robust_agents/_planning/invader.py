@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import StaticScene
-from pytest_drive_robust.jit.arrays import Floats1, Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["invader_edge"]
-
-Floats = NDArray[np.float64]
 
 _LOOK_M, _BEHIND_M = 90, 3.0
 _TURNING_M = 12.0
@@ -24,7 +22,7 @@ def invader_edge(scene: StaticScene, boxes: Floats, row: float, half_lane_m: flo
 
     `boxes` are `Traffic.boxes`, the ego is at `row` and its lane is twice `half_lane_m` wide.
     """
-    edge = _edge(scene.route, scene.cosines, scene.sines, scene.boxes, scene.given, boxes, row, half_lane_m)
+    edge = _edge(scene.route, scene.cosines, scene.sines, scene.junctions, scene.given, boxes, row, half_lane_m)
     return edge if edge > -np.inf else None
 
 
@@ -38,22 +36,22 @@ def _edge(
     here = int(min(max(row, 0.0), len(route) - 1.0))
     first, last = max(0, min(here - 5, len(route) - 1)), max(1, min(here + _LOOK_M, len(route)))
     for i in range(len(boxes)):
-        if boxes[i, 3] <= 1.0:
+        if boxes[i, box.SPEED] <= 1.0:
             continue
         best, k = 1e18, first
         for other in range(first, last):
-            dx, dy = boxes[i, 0] - route[other, 0], boxes[i, 1] - route[other, 1]
+            dx, dy = boxes[i, box.X] - route[other, 0], boxes[i, box.Y] - route[other, 1]
             d = dx * dx + dy * dy
             if d < best:
                 best, k = d, other
-        dx, dy = boxes[i, 0] - route[k, 0], boxes[i, 1] - route[k, 1]
+        dx, dy = boxes[i, box.X] - route[k, 0], boxes[i, box.Y] - route[k, 1]
         at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
-        reach = right + 0.5 * boxes[i, 5]
+        reach = right + 0.5 * boxes[i, box.WIDTH]
         invades = right < _BESIDE_M and reach > _REACHES_M - half_lane_m and reach > farthest
         if not invades or at <= row - _BEHIND_M or at >= min(here + _LOOK_M, given) - 2:
             continue
         k = int(min(max(at, 0.0), len(route) - 1.0))
-        if cosines[k] * boxes[i, 7] + sines[k] * boxes[i, 8] >= -0.8:
+        if cosines[k] * boxes[i, box.COS] + sines[k] * boxes[i, box.SIN] >= -0.8:
             continue
         turns = False
         for b in range(len(junctions)):

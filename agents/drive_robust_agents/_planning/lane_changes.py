@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.lateral import blend
 from drive_robust_agents._planning.projection import project_all
 from drive_robust_agents._planning.static_scene import Change, StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["LaneChanges", "Siren"]
 
@@ -69,10 +70,10 @@ class LaneChanges:
         at = project_all(self._scene.route, int(row - _BESIDE_M), int(row + _BESIDE_M), traffic.boxes)
         rows = np.clip(at[:, 0], 0, self._scene.count - 1).astype(int)
         heading = self._scene.cosines[rows], self._scene.sines[rows]
-        along = traffic.boxes[:, 7] * heading[0] + traffic.boxes[:, 8] * heading[1] > 0.8
+        along = traffic.boxes[:, box.COS] * heading[0] + traffic.boxes[:, box.SIN] * heading[1] > 0.8
         beside = np.abs(at[:, 1] - change.new[rows]) < 1.5
         close = np.abs(at[:, 0] - row) < _BESIDE_M
-        speeds = traffic.boxes[along & beside & close & (traffic.kinds < _PEDESTRIAN), 3]
+        speeds = traffic.boxes[along & beside & close & (traffic.kinds < _PEDESTRIAN), box.SPEED]
         return math.fsum(speeds) / len(speeds) if len(speeds) else None
 
     def _waiting(self) -> Floats:
@@ -118,7 +119,7 @@ class Siren:
         """Hold this profile until the siren has passed."""
         self._aside = profile
 
-    def profile(self, scene: StaticScene, traffic: Traffic, world: WorldState, row: float) -> Floats | None:
+    def profile(self, traffic: Traffic, world: WorldState) -> Floats | None:
         """Return what is added to the lane's own profile now, or None."""
         if self._aside is None:
             return None
@@ -133,9 +134,9 @@ class Siren:
         if _EMERGENCY not in traffic.kinds:
             return None
         c, s = cos(ego.yaw_rad), sin(ego.yaw_rad)
-        for box in traffic.boxes[traffic.kinds == _EMERGENCY]:
-            if box[7] * c + box[8] * s > 0.7 and box[3] > 1.0:
-                return float((box[0] - ego.x_m) * c + (box[1] - ego.y_m) * s)
+        for siren in traffic.boxes[traffic.kinds == _EMERGENCY]:
+            if siren[box.COS] * c + siren[box.SIN] * s > 0.7 and siren[box.SPEED] > 1.0:
+                return float((siren[box.X] - ego.x_m) * c + (siren[box.Y] - ego.y_m) * s)
         return None
 
 

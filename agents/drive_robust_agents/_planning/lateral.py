@@ -9,10 +9,9 @@ import math
 
 import numpy as np
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.static_scene import StaticScene
 from pytest_drive_robust.arithmetic.compiled import atan
-from pytest_drive_robust.jit.arrays import Floats1, Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["blend", "line_of", "path_of", "shift_length_m"]

@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.lateral import blend, shift_length_m
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.jit.arrays import Floats1, Floats2, Ints1
-from pytest_drive_robust.jit.kernels import entry
+from pytest_drive_robust.jit.arrays import Floats, Floats1, Floats2, Ints, Ints1
+from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["Obstacle", "Pass", "nearest_obstacle", "ways_around"]
 
@@ -33,7 +32,8 @@ _STARTS_MPS2, _MOVES_MPS, _TURNED = 0.5, 0.1, 0.15
 """Who accelerates like this is on the way, and so is who moves with his nose so far across the lane (a sine)."""
 _BICYCLE, _PEDESTRIAN = int(ActorKind.BICYCLE), int(ActorKind.PEDESTRIAN)
 
-Ints = NDArray[np.int64]
+_AT, _HALF, _LEFT, _RIGHT, _SPEED, _BLOCKS = range(6)
+"""Columns of what is found: row, half its length, its sides (metres to the right), m/s, and 1 where it blocks."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,60 +80,71 @@ def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: fl
     return Obstacle(*found[:5]) if found[5] > 0.0 else None
 
 
-@entry
-def _nearest(
-    route: Floats2, cosines: Floats1, sines: Floats1, lane: Floats1, boxes: Floats2, kinds: Ints1, stood_s: Floats1,
+@inner
+def _in_the_way(
+    route: Floats, cosines: Floats, sines: Floats, lane: Floats, boxes: Floats, kinds: Ints, stood_s: Floats,
     row: float, half_ego_m: float,
-) -> tuple[float, ...]:  # fmt: skip
-    """Return the fields of an `Obstacle`, and 1 when there is one."""
+) -> Floats:  # fmt: skip
+    """Return what blocks the lane or stands beside it, in the order of `boxes` (see `_AT`)."""
     first, last = max(0, min(int(row) - 10, len(route) - 1)), max(1, min(int(row + _LOOK_M) + 25, len(route)))
-    count, found = 0, np.empty((len(boxes), 6))  # row, half a length, left, right, speed, whether it blocks
+    count, found = 0, np.empty((len(boxes), 6))
     for i in range(len(boxes)):
-        if boxes[i, 3] >= _CRAWL_MPS or boxes[i, 6] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
+        if boxes[i, box.SPEED] >= _CRAWL_MPS or boxes[i, box.ACCEL] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
             continue
         best, k = 1e18, first
         for other in range(first, last):
-            dx, dy = boxes[i, 0] - route[other, 0], boxes[i, 1] - route[other, 1]
+            dx, dy = boxes[i, box.X] - route[other, 0], boxes[i, box.Y] - route[other, 1]
             d = dx * dx + dy * dy
             if d < best:
                 best, k = d, other
-        dx, dy = boxes[i, 0] - route[k, 0], boxes[i, 1] - route[k, 1]
+        dx, dy = boxes[i, box.X] - route[k, 0], boxes[i, box.Y] - route[k, 1]
         at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
         k = int(min(max(at, 0.0), len(route) - 1.0))
-        turn_cos = cosines[k] * boxes[i, 7] + sines[k] * boxes[i, 8]
-        turn_sin = sines[k] * boxes[i, 7] - cosines[k] * boxes[i, 8]
-        half_length = 0.5 * (abs(turn_cos) * boxes[i, 4] + abs(turn_sin) * boxes[i, 5])
-        half_width = 0.5 * (abs(turn_cos) * boxes[i, 5] + abs(turn_sin) * boxes[i, 4])
+        turn_cos = cosines[k] * boxes[i, box.COS] + sines[k] * boxes[i, box.SIN]
+        turn_sin = sines[k] * boxes[i, box.COS] - cosines[k] * boxes[i, box.SIN]
+        half_length = 0.5 * (abs(turn_cos) * boxes[i, box.LENGTH] + abs(turn_sin) * boxes[i, box.WIDTH])
+        half_width = 0.5 * (abs(turn_cos) * boxes[i, box.WIDTH] + abs(turn_sin) * boxes[i, box.LENGTH])
         right -= lane[k]
         solid, gap = kinds[i] > _PEDESTRIAN, abs(right) - half_width
-        turns = boxes[i, 3] > _MOVES_MPS and abs(turn_sin) > _TURNED and not solid
+        turns = boxes[i, box.SPEED] > _MOVES_MPS and abs(turn_sin) > _TURNED and not solid
         if turns and kinds[i] != _BICYCLE:
             continue
         stays = solid or abs(right) > _OFF_CENTRE_M or stood_s[i] > _QUEUE_S or kinds[i] == _BICYCLE
         ahead = at + half_length > row - 3.0 and at - half_length < row + _LOOK_M
         blocks = stays and ahead and gap < half_ego_m + 0.3 and (turn_cos > 0.5 or solid)
         if blocks or (solid and gap < _BESIDE_M):
-            found[count, 0], found[count, 1], found[count, 4] = at, half_length, boxes[i, 3]
-            found[count, 2], found[count, 3] = right - half_width, right + half_width
-            found[count, 5] = 1.0 if blocks else 0.0
+            found[count, _AT], found[count, _HALF], found[count, _SPEED] = at, half_length, boxes[i, box.SPEED]
+            found[count, _LEFT], found[count, _RIGHT] = right - half_width, right + half_width
+            found[count, _BLOCKS] = 1.0 if blocks else 0.0
             count += 1
+    return found[:count]
+
+
+@entry
+def _nearest(
+    route: Floats2, cosines: Floats1, sines: Floats1, lane: Floats1, boxes: Floats2, kinds: Ints1, stood_s: Floats1,
+    row: float, half_ego_m: float,
+) -> tuple[float, ...]:  # fmt: skip
+    """Return the fields of an `Obstacle`, and 1 when there is one."""
+    found = _in_the_way(route, cosines, sines, lane, boxes, kinds, stood_s, row, half_ego_m)
     start, end, left, right, speed, blocked = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for _ in range(count):  # from the nearest to the farthest
+    for _ in range(len(found)):  # from the nearest to the farthest
         k = 0
-        for other in range(count):
-            if found[other, 0] < found[k, 0]:
+        for other in range(len(found)):
+            if found[other, _AT] < found[k, _AT]:
                 k = other
-        at, half_length = found[k, 0], found[k, 1]
-        found[k, 0] = np.inf
+        at, half_length = found[k, _AT], found[k, _HALF]
+        found[k, _AT] = np.inf
         if blocked == 0.0:
-            if found[k, 5] > 0.0:
+            if found[k, _BLOCKS] > 0.0:
                 start, end, left, right, speed = (
-                    at - half_length, at + half_length, found[k, 2], found[k, 3], found[k, 4],
+                    at - half_length, at + half_length, found[k, _LEFT], found[k, _RIGHT], found[k, _SPEED],
                 )  # fmt: skip
                 blocked = 1.0
         elif at - half_length < end + _CLUSTER_M:
             start, end = min(start, at - half_length), max(end, at + half_length)
-            left, right, speed = min(left, found[k, 2]), max(right, found[k, 3]), max(speed, found[k, 4])
+            left, right = min(left, found[k, _LEFT]), max(right, found[k, _RIGHT])
+            speed = max(speed, found[k, _SPEED])
     return start, end, left, right, speed, blocked
 
 

@@ -5,20 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from pytest_drive_robust.arithmetic.compiled import cos, sin
-from pytest_drive_robust.jit.arrays import Floats2, Floats3, Ints1
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Floats3, Ints, Ints1
 from pytest_drive_robust.jit.kernels import entry
 
-__all__ = ["crossed_boxes", "leaders", "nearest_ahead", "project", "project_all"]
+__all__ = ["crossed_junctions", "leaders", "nearest_ahead", "project", "project_all"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-X, Y, YAW, SPEED, LENGTH, WIDTH = range(6)
-COS, SIN = 7, 8
-"""Columns of the actors that are searched for."""
 _AHEAD_M = 70
 _SAME_LANE_M = 1.7
 
@@ -43,7 +37,7 @@ def project_all(line: Floats2, first: int, last: int, actors: Floats2) -> Floats
     """Apply `project` to every row of `actors` (x and y come first): (k, 2)."""
     found = np.empty((len(actors), 2))
     for i in range(len(actors)):
-        found[i, 0], found[i, 1] = project(line, first, last, actors[i, X], actors[i, Y])
+        found[i, 0], found[i, 1] = project(line, first, last, actors[i, box.X], actors[i, box.Y])
     return found
 
 
@@ -60,15 +54,15 @@ def nearest_ahead(
     gap, speed = math.inf, 0.0
     for i in range(len(actors)):
         other = actors[i]
-        if abs(other[X] - x) > _AHEAD_M or abs(other[Y] - y) > _AHEAD_M:
+        if abs(other[box.X] - x) > _AHEAD_M or abs(other[box.Y] - y) > _AHEAD_M:
             continue
-        at, right = project(route, progress - 5, progress + _AHEAD_M, other[X], other[Y])
-        turn = route[int(min(max(at, 0.0), len(route) - 1.0)), 2] - other[YAW]
+        at, right = project(route, progress - 5, progress + _AHEAD_M, other[box.X], other[box.Y])
+        turn = route[int(min(max(at, 0.0), len(route) - 1.0)), 2] - other[box.YAW]
         co, si = abs(cos(turn)), abs(sin(turn))
-        found = at - s - 0.5 * (length + co * other[LENGTH] + si * other[WIDTH])
-        beside = 0.5 * (width + co * other[WIDTH] + si * other[LENGTH])
+        found = at - s - 0.5 * (length + co * other[box.LENGTH] + si * other[box.WIDTH])
+        beside = 0.5 * (width + co * other[box.WIDTH] + si * other[box.LENGTH])
         if at > s and abs(right) < beside and found < gap:
-            gap, speed = found, max(0.0, other[SPEED] * cos(turn))
+            gap, speed = found, max(0.0, other[box.SPEED] * cos(turn))
     return gap, speed
 
 
@@ -84,28 +78,28 @@ def leaders(path: Floats2, s0: float, actors: Floats2) -> Ints:
     for i in range(len(actors)):
         best, k = 1e18, first
         for other in range(first, last):
-            dx, dy = actors[i, X] - path[other, 0], actors[i, Y] - path[other, 1]
+            dx, dy = actors[i, box.X] - path[other, 0], actors[i, box.Y] - path[other, 1]
             d = dx * dx + dy * dy
             if d < best:
                 best, k = d, other
-        dx, dy = actors[i, X] - path[k, 0], actors[i, Y] - path[k, 1]
+        dx, dy = actors[i, box.X] - path[k, 0], actors[i, box.Y] - path[k, 1]
         ahead, right = k + dx * path[k, 3] + dy * path[k, 4] - s0, dy * path[k, 3] - dx * path[k, 4]
-        same_way = path[k, 3] * actors[i, COS] + path[k, 4] * actors[i, SIN] > 0.8
+        same_way = path[k, 3] * actors[i, box.COS] + path[k, 4] * actors[i, box.SIN] > 0.8
         if same_way and ahead > 1.0 and abs(right) < _SAME_LANE_M:
             found[i] = 1
     return found
 
 
 @entry
-def crossed_boxes(path: Floats2, boxes: Floats2, forecast: Floats3, leads: Ints1, steps: int) -> Ints:
+def crossed_junctions(path: Floats2, junctions: Floats2, forecast: Floats3, leads: Ints1, steps: int) -> Ints:
     """Return 1 for every junction (first row, last row of `path`) that somebody else is about to drive through.
 
     `forecast` (k, >= steps, 6) are the tracks of everybody, `leads` (k,) is 1 for those who do not count.
     """
-    found = np.zeros(len(boxes), dtype=np.int64)
-    for b in range(len(boxes)):
-        middle = int(0.5 * (boxes[b, 0] + boxes[b, 1]))
-        reach = 0.5 * (boxes[b, 1] - boxes[b, 0]) + 3.0
+    found = np.zeros(len(junctions), dtype=np.int64)
+    for b in range(len(junctions)):
+        middle = int(0.5 * (junctions[b, 0] + junctions[b, 1]))
+        reach = 0.5 * (junctions[b, 1] - junctions[b, 0]) + 3.0
         for i in range(len(forecast)):
             if leads[i] == 1 or forecast[i, 0, 3] <= 0.5:
                 continue

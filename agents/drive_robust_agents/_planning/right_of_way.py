@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from drive_robust_agents._planning.control import Floats
-from drive_robust_agents._planning.projection import crossed_boxes
+from drive_robust_agents._planning.projection import crossed_junctions
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import LightState, WorldState
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["RightOfWay"]
-
-Ints = NDArray[np.int64]
 
 _STOP_SIGN, _COUNTS = int(LightState.STOP_SIGN), (int(LightState.RED), int(LightState.YELLOW))
 
@@ -59,7 +54,9 @@ class RightOfWay:
 
     def keep_clear(self, scene: StaticScene, traffic: Traffic, path: Floats, leads: Ints) -> Floats:
         """Return (m, 2): first and last row of the junctions, crossed by others, in which the ego must not rest."""
-        if len(scene.boxes) == 0:
-            return scene.boxes
-        crossed: Floats = scene.boxes[crossed_boxes(path, scene.boxes, traffic.forecast, leads, _SOON_STEPS) == 1]
+        if len(scene.junctions) == 0:
+            return scene.junctions
+        crossed: Floats = scene.junctions[
+            crossed_junctions(path, scene.junctions, traffic.forecast, leads, _SOON_STEPS) == 1
+        ]
         return crossed

@@ -6,19 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats
 from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.projection import leaders
 from drive_robust_agents._planning.right_of_way import RightOfWay
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._vehicle.mkz import TICK_S
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["Situation", "SpeedChoice", "is_free"]
-
-Ints = NDArray[np.int64]
 
 _START_MARGINS = np.array([1.2, 0.7, 0.5])
 
@@ -51,7 +49,7 @@ _MANOEUVRES = np.array(
 _FOLLOWER_BRAKES_MPS2, _NOBODY_BRAKES_MPS2 = 6.0, 0.01
 """How hard who follows brakes when he has to; he may not, so the ego does not let it come to that."""
 _LEFT_ALONE_S = 0.5
-_NO_BOXES = np.zeros((0, 2))
+_NO_JUNCTIONS = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +88,7 @@ def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float =
     margins = _with_room(_MARGINS if now.speed_mps > 4.0 else _START_MARGINS, room_s)
     found, driven = rollouts(
         path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans, scene.limits,
-        _NO_BOXES, now.stop_row, margins, _FOLLOWER_BRAKES_MPS2, traffic.forecast.shape[1] - 1,
+        _NO_JUNCTIONS, now.stop_row, margins, _FOLLOWER_BRAKES_MPS2, traffic.forecast.shape[1] - 1,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
 
@@ -153,10 +151,10 @@ class _SpeedTrial:
         traffic = now.traffic
         self.now, self.path, self.stop_row = now, path, stop_row
         self.leads = leaders(path, now.row, traffic.boxes)
-        self.boxes = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
+        self.junctions = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
         self.horizon_s = 0.2 * _HORIZON_STEPS
         front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
-        inside = any(first + 0.5 < front and rear < last for first, last in self.boxes.tolist())
+        inside = any(first + 0.5 < front and rear < last for first, last in self.junctions.tolist())
         self.hurry = hurry or inside
         # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _with_room(_MARGINS, 0.0 if pushy else now.room_s)
@@ -199,6 +197,6 @@ class _SpeedTrial:
         now, scene = self.now, self.now.scene
         found: Floats = rollouts(
             self.path, now.row, now.speed_mps, scene.size, now.traffic.forecast, now.traffic.boxes, leads, plans,
-            scene.limits, self.boxes, self.stop_row, margins, follower_mps2, _HORIZON_STEPS,
+            scene.limits, self.junctions, self.stop_row, margins, follower_mps2, _HORIZON_STEPS,
         )[0]  # fmt: skip
         return found

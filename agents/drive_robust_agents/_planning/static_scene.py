@@ -6,17 +6,15 @@ import copy
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drive_robust_agents._planning.control import Floats, speed_profile
+from drive_robust_agents._planning.control import speed_profile
 from drive_robust_agents._planning.tracks import lane_under
 from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.arrays import cos, sin
 from pytest_drive_robust.domain.truth import GroundTruth, Lane, LaneKind, LaneMap
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["Change", "LaneGraph", "StaticScene"]
-
-Ints = NDArray[np.int64]
 
 _LATERAL_MPS2, _BRAKE_MPS2 = 2.8, 1.8
 _BESIDE_M = 5.5
@@ -84,8 +82,8 @@ class StaticScene:
     """The static side of one episode. Rows are rows of `GroundTruth.route`, about a metre each.
 
     `route` (n, 4) goes on straight beyond its end (`given` rows) so that plans have room; `limits` (n,) is the highest
-    sensible speed, `lanes` (n,) the lane underneath, `boxes` (m, 2) the first and last row of each junction, `stops`
-    the (number, row) of each stop line, `changes` the lane changes.
+    sensible speed, `lanes` (n,) the lane underneath, `junctions` (m, 2) the first and last row of each junction,
+    `stops` the (number, row) of each stop line, `changes` the lane changes.
     """
 
     def __init__(self, truth: GroundTruth) -> None:
@@ -101,7 +99,7 @@ class StaticScene:
         self.size = np.array([truth.frame.ego.length_m, truth.frame.ego.width_m])
         self.half_length_m, self.half_width_m = truth.frame.ego.length_m / 2.0, truth.frame.ego.width_m / 2.0
         self.lanes = self._lanes_under()
-        self.boxes = self._boxes()
+        self.junctions = self._junctions()
         self.stops = self._stops()
         self.changes = self._changes()
 
@@ -121,11 +119,10 @@ class StaticScene:
 
     def neighbour(self, row: float, side: str) -> tuple[Lane | None, bool]:
         """Return (the driving lane on that side of the one under a row or None, whether it leads the same way)."""
-        lane = self.lane_at(row)
-        index, same = (lane.left, lane.left_same_way) if side == "left" else (lane.right, lane.right_same_way)
+        index, same_way = self.lane_at(row).beside(side)
         if index < 0 or self.lane_map.lanes[index].kind is not LaneKind.DRIVING:
             return None, False
-        return self.lane_map.lanes[index], same
+        return self.lane_map.lanes[index], same_way
 
     def _lanes_under(self) -> Ints:
         graph, found = self.graph, np.empty(self.count, dtype=np.int64)
@@ -140,12 +137,12 @@ class StaticScene:
             found[k] = last
         return _longest_connector(self.lane_map, found)
 
-    def _boxes(self) -> Floats:
+    def _junctions(self) -> Floats:
         """Return (m, 2): first and last row of every junction on the route."""
         inside = np.array([self.lane_map.lanes[k].junction for k in self.lanes])
         edges = np.flatnonzero(np.diff(np.concatenate([[0], inside.astype(int), [0]])))
-        boxes: Floats = edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
-        return boxes
+        junctions: Floats = edges.reshape(-1, 2).astype(float) - np.array([0.0, 1.0])
+        return junctions
 
     def _stops(self) -> tuple[tuple[int, float], ...]:
         """Return (number, row) of every stop line on the route."""

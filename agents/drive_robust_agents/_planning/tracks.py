@@ -5,29 +5,25 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Floats2, Ints1
+from drive_robust_agents._planning import columns as box
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints1
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["STEP_S", "lane_under", "tracks"]
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 STEP_S = 0.2
 """Seconds between two places of a track."""
-ACCELERATE_S = 1.6
+_ACCELERATE_S = 1.6
 """Who accelerates or brakes now is expected to go on with it for this long."""
-FASTEST_MPS = 18.0
+_FASTEST_MPS = 18.0
 """Nobody is expected to accelerate beyond this."""
-LANE_REACH_M = 3.3
+_LANE_REACH_M = 3.3
 """Who is farther aside of every lane is expected to go straight on."""
-SLIP, NEIGHBOUR_M = 0.04, 3.5
+_SLIP, _NEIGHBOUR_M = 0.04, 3.5
 """Whose nose points aside of the lane by more than this is changing to the middle of it, or to the next one."""
-TAKEN = 0.35
+_TAKEN = 0.35
 """Who has come so far along a lane of a junction has taken it."""
-A_X, A_Y, A_YAW, A_SPEED, A_LENGTH, A_WIDTH, A_ACCEL, A_COS, A_SIN = range(9)
 
 
 @entry
@@ -68,18 +64,18 @@ def tracks(
     found = np.empty((len(actors), steps + 1, 6))
     under = np.full(len(actors), -1, dtype=np.int64)
     for i in range(len(actors)):
-        x, y, yaw, v = actors[i, A_X], actors[i, A_Y], actors[i, A_YAW], actors[i, A_SPEED]
-        accel, c, s = actors[i, A_ACCEL], actors[i, A_COS], actors[i, A_SIN]
+        x, y, yaw, v = actors[i, box.X], actors[i, box.Y], actors[i, box.YAW], actors[i, box.SPEED]
+        accel, c, s = actors[i, box.ACCEL], actors[i, box.COS], actors[i, box.SIN]
         row, lat, slips, target = -1, 0.0, 0.0, 0.0
         at, lane = 0.0, -1
         if follows[i] == 1 and v > 0.05:
-            row, lat = lane_under(points, x, y, c, s, LANE_REACH_M)
+            row, lat = lane_under(points, x, y, c, s, _LANE_REACH_M)
         under[i], target = row, lat
         if row >= 0:
             slip = s * points[row, 3] - c * points[row, 4]
-            if abs(slip) > SLIP:
+            if abs(slip) > _SLIP:
                 slips = abs(slip)
-                target = 0.0 if lat * slip < 0.0 else math.copysign(NEIGHBOUR_M, slip)
+                target = 0.0 if lat * slip < 0.0 else math.copysign(_NEIGHBOUR_M, slip)
             lane = owner[row]
             at = (
                 float(row - first[lane]) + (x - points[row, 0]) * points[row, 3] + (y - points[row, 1]) * points[row, 4]
@@ -87,8 +83,8 @@ def tracks(
         for step in range(steps + 1):
             found[i, step, 0], found[i, step, 1], found[i, step, 2] = x, y, yaw
             found[i, step, 3], found[i, step, 4], found[i, step, 5] = v, c, s
-            if step * STEP_S < ACCELERATE_S:
-                v = min(max(v + accel * STEP_S, 0.0), max(v, FASTEST_MPS))
+            if step * STEP_S < _ACCELERATE_S:
+                v = min(max(v + accel * STEP_S, 0.0), max(v, _FASTEST_MPS))
             ds = v * STEP_S
             if lane < 0:
                 x, y = x + ds * c, y + ds * s
@@ -107,7 +103,7 @@ def tracks(
     for i in range(len(actors)):
         if under[i] >= 0:
             lane = owner[under[i]]
-            if under[i] - first[lane] > TAKEN * (first[lane + 1] - first[lane]):
+            if under[i] - first[lane] > _TAKEN * (first[lane + 1] - first[lane]):
                 for k in range(entries[lane], entries[lane + 1]):
                     after[feeders[k]] = lane
     return found

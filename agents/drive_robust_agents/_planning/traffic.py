@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.static_scene import LaneGraph
 from drive_robust_agents._planning.tracks import STEP_S, tracks
+from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.domain.truth import ActorKind, WorldState
-from pytest_drive_robust.jit.arrays import Floats2
+from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints
 from pytest_drive_robust.jit.kernels import entry
 
-__all__ = ["HORIZON_S", "TICK_S", "Traffic"]
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+__all__ = ["HORIZON_S", "Traffic"]
 
 HORIZON_S = 12.0
 _STEPS = round(HORIZON_S / STEP_S)
-TICK_S = 0.05
-"""Seconds from one tick of an observation to the next."""
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
 _LEAST_MPS2, _MOST_MPS2 = 0.3, 8.0
@@ -32,14 +28,14 @@ _SPEED, _LENGTH, _WIDTH = WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH
 class Traffic:
     """The other actors of this moment, one row each in every array.
 
-    `boxes` (k, 9) is x, y, yaw, speed, length, width, acceleration, cosine and sine of yaw; `kinds`, `ids` (k,);
-    `stood_s` (k,) seconds without moving; `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is
-    there twice, the second time at constant speed: he may also stop doing so.
+    `boxes` (k, 9) has the columns of `columns`; `kinds`, `ids` (k,); `stood_s` (k,) seconds without moving;
+    `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is there twice, the second time at
+    constant speed: he may also stop doing so.
     """
 
     def __init__(self) -> None:
         self._memory: Floats = np.zeros((0, 2))
-        self.boxes: Floats = np.zeros((0, 9))
+        self.boxes: Floats = np.zeros((0, box.COLUMNS))
         self.kinds: Ints = np.zeros(0, dtype=np.int64)
         self.ids: Ints = np.zeros(0, dtype=np.int64)
         self.stood_s: Floats = np.zeros(0)
@@ -72,7 +68,7 @@ def _look(
     now = np.empty((max(most + 1, len(memory)), 2))
     for i in range(len(now)):
         now[i, 0], now[i, 1] = np.nan, 0.0
-    boxes, stood_s = np.empty((2 * len(actors), 9)), np.empty(2 * len(actors))
+    boxes, stood_s = np.empty((2 * len(actors), box.COLUMNS)), np.empty(2 * len(actors))
     about = np.empty((3, 2 * len(actors)), dtype=np.int64)
     count = 0
     for doubted in range(2):
@@ -94,10 +90,10 @@ def _look(
             if speed < 0.1:
                 stood = elapsed_s + (memory[number, 1] if number < len(memory) else 0.0)
             now[number, 0], now[number, 1] = speed, stood
-            boxes[count, 0], boxes[count, 1], boxes[count, 2] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
-            boxes[count, 3], boxes[count, 4], boxes[count, 5] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
-            boxes[count, 6] = gained
-            boxes[count, 7], boxes[count, 8] = cos(actors[i, _YAW]), sin(actors[i, _YAW])
+            row = boxes[count]
+            row[box.X], row[box.Y], row[box.YAW] = actors[i, _X], actors[i, _Y], actors[i, _YAW]
+            row[box.SPEED], row[box.LENGTH], row[box.WIDTH] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
+            row[box.ACCEL], row[box.COS], row[box.SIN] = gained, cos(actors[i, _YAW]), sin(actors[i, _YAW])
             stood_s[count] = stood
             about[0, count], about[1, count] = kind, number
             about[2, count] = 1 if kind <= _BICYCLE and speed > 0.05 else 0

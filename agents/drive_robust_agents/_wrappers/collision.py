@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["clear_of"]
-
-Floats = NDArray[np.float64]
 
 _SPREAD_M, _REACH_M = 1.0, 5.0
 _HEIGHT = 5.0 / (2.507 * _SPREAD_M)

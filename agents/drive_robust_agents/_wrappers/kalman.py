@@ -20,14 +20,13 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from drive_robust_agents._planning import mkz
-from drive_robust_agents._planning.mkz import Moved
+from drive_robust_agents._vehicle import mkz
+from drive_robust_agents._vehicle.mkz import Moved
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic import scalars
 
 __all__ = ["Motion", "PoseEstimate", "PositionFilter", "published_motion"]
 
-_DT_S = 0.05
 _FIRST = (0.5, 0.5, 1e-6, 1e-6)
 _MEASURED = (0.5, 0.5, 1e-15, 1e-15)
 _DRIFT = (1e-4, 1e-4, 1e-3, 1e-3)
@@ -58,7 +57,7 @@ def published_motion(speed_mps: float, control: Control) -> Moved:
     they do to the speed hardly shows, as the speedometer is believed.
     """
     push = -_BRAKE_MPS2 if control.brake > 0.0 else _THROTTLE_MPS2 * control.throttle
-    return mkz.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + _DT_S * push, 0.0))
+    return mkz.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + mkz.TICK_S * push, 0.0))
 
 
 class PositionFilter:
@@ -101,7 +100,7 @@ def _predicted(motion: Motion, state: Sequence[float], last: Control, spread: _M
     """Predict one tick about the middle of the vehicle, and how the spread grows by it."""
     x, y, yaw, v = state
     slip, turn, after = motion(v, last)
-    c, s = (_DT_S * part for part in scalars.cos_sin(yaw + slip))
+    c, s = (mkz.TICK_S * part for part in scalars.cos_sin(yaw + slip))
     moved = [x + v * c, y + v * s, yaw + v * turn, after]
     # columns of the Jacobian beyond the identity: x, y by yaw; x, y, yaw by speed
     rows = (

@@ -10,10 +10,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.inference import ENGINES, Network, Policy
+from drive_robust_agents._nets.inference import ENGINES, LoadedNetwork, Network
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents._planning.mkz import Pedals
-from drive_robust_agents._planning.plain_car import pedals_from_plain, steer_from_plain
+from drive_robust_agents._vehicle.mkz import Pedals
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
 from drive_robust_agents._wrappers.tuning import Tuning, tuning_called
@@ -65,9 +65,9 @@ class LearnedAgent(ABC):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        """Take `network` or, without one, make it from `engine` to `weights` with `Policy.of`."""
+        """Take `network` or, without one, make it from `engine` to `weights` with `LoadedNetwork.of`."""
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
-        self._network = network or Policy.of(
+        self._network = network or LoadedNetwork.of(
             self.name,
             self.architecture,
             engine=engine,
@@ -89,7 +89,7 @@ class LearnedAgent(ABC):
         """
         tuning_called(options.get("tuning", "published"), agent=cls.name)
         computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
-        Policy.check(cls.name, cls.architecture, **computed)
+        LoadedNetwork.check(cls.name, cls.architecture, **computed)
         cls._require_rig(options.get("weights"))
 
     @classmethod

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust import Observation
 from pytest_drive_robust.arithmetic import arrays
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "Sensed", "can_bus", "motion_between"]
 
-Floats = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 
 LAG_TICKS = 10
 """How old the memory is: 0.5 s."""
@@ -31,7 +32,7 @@ CAN_BUS = ("speed", "yaw rate", "forward acceleration", "right acceleration", "f
 """m/s, rad/s, m/s2, m/s2, and the metres moved since the memory, in the ego frame of then (0 without a memory)."""
 
 
-def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats:
+def motion_between(old: Floats, now: Floats) -> Floats32:
     """Return the pose of now seen from that of before.
 
     Gives (n, 3) forward m, right m, yaw rad from two (n, 3) arrays of poses.
@@ -44,7 +45,7 @@ def motion_between(old: NDArray[np.float64], now: NDArray[np.float64]) -> Floats
     return np.column_stack([c * dx + s * dy, c * dy - s * dx, turned]).astype(np.float32)
 
 
-def can_bus(speed: Floats, imu: Floats, motion: Floats) -> Floats:
+def can_bus(speed: Floats32, imu: Floats32, motion: Floats32) -> Floats32:
     """Return (n, 6) as `CAN_BUS` from speed (n,), IMU (n, 3: forward, right, yaw rate) and `motion_between` (n, 3)."""
     return np.column_stack([speed, imu[:, 2], imu[:, 0], imu[:, 1], motion[:, 0], motion[:, 1]]).astype(np.float32)
 
@@ -71,9 +72,9 @@ class Memory:
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
         self._nothing = {name: np.zeros(shape, dtype=np.float32) for name, shape in shapes.items()}
-        self._kept: deque[tuple[int, Sensed, Mapping[str, Floats]]] = deque()
+        self._kept: deque[tuple[int, Sensed, Mapping[str, Floats32]]] = deque()
 
-    def recall(self, tick: int) -> tuple[Sensed | None, Mapping[str, Floats]]:
+    def recall(self, tick: int) -> tuple[Sensed | None, Mapping[str, Floats32]]:
         """Return the youngest memory that is 0.5 s old, with its pose; None and zeros without one.
 
         Where ticks are left out, one of up to 1 s is taken.
@@ -85,7 +86,7 @@ class Memory:
             return pose, features
         return None, self._nothing
 
-    def keep(self, tick: int, pose: Sensed, outputs: Mapping[str, Floats]) -> None:
+    def keep(self, tick: int, pose: Sensed, outputs: Mapping[str, Floats32]) -> None:
         """Remember this tick; a tick that is not later than the last one starts a new memory."""
         if self._kept and tick <= self._kept[-1][0]:
             self._kept.clear()

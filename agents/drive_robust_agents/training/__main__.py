@@ -17,6 +17,7 @@ _COMMANDS = {
     "evaluate": "candidates in closed loop, on routes that were neither trained nor are judged on",
     "graphs": "what ONNX Runtime needs beside weights: written by `train`, again for weights that have none",
     "publish": "the chosen weights, into the package or a folder",
+    "instructions": "whether simlingo does what it is told",
 }
 
 _IMPORTS = {

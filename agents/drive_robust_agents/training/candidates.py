@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
-from drive_robust_agents.training.data.dagger import file_and_options
 from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.registry.entries import configured
@@ -19,7 +18,9 @@ if TYPE_CHECKING:
     from pytest_drive_robust import Agent
     from pytest_drive_robust.registry.registry import Registry
 
-__all__ = ["CandidateFactory", "candidate_name", "pytest_drive_robust_register"]
+__all__ = ["WEIGHTS_SUFFIX", "CandidateFactory", "candidate_name", "file_and_options", "pytest_drive_robust_register"]
+
+WEIGHTS_SUFFIX = ".safetensors"
 
 
 class CandidateFactory:
@@ -62,6 +63,16 @@ def candidate(argument: str) -> CandidateFactory:
     if agent not in RECIPES:
         raise UnknownNameError.of("learned agent", agent, RECIPES)
     return CandidateFactory(agent, Path(file).absolute(), options)
+
+
+def file_and_options(text: str) -> tuple[str, str]:
+    """Return (file, options of the agent) of a text such as `"tcp.safetensors+tuning=published"`.
+
+    >>> file_and_options("a+b/tcp.safetensors+tuning=published"), file_and_options("tcp.safetensors")
+    (('a+b/tcp.safetensors', 'tuning=published'), ('tcp.safetensors', ''))
+    """
+    file, found, options = text.rpartition(f"{WEIGHTS_SUFFIX}+")
+    return (file + WEIGHTS_SUFFIX, options) if found else (text, "")
 
 
 def pytest_drive_robust_register(registry: Registry) -> None:

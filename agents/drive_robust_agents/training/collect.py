@@ -22,12 +22,12 @@ from drive_robust_agents.training.data.routes import training_keys
 from drive_robust_agents.training.data.shards import Shard, WrittenShard
 from drive_robust_agents.training.prerequisites import require_packages
 from pytest_drive_robust import Setting
-from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
-    "Collected", "Collection", "add_arguments", "check_world", "collect", "collection_of", "draws_of", "main", "run",
+    "Collected", "Collection", "add_arguments", "check_world", "collect", "collection_of", "draws_of", "run",
 ]  # fmt: skip
 
 _ASKED = "collect.json"
@@ -273,18 +273,3 @@ def run(given: argparse.Namespace) -> int:
         return 130
     print(f"{given.out}: {found.rows} frames in {found.shards} shards")
     return 0
-
-
-def main(argv: list[str] | None = None) -> int:
-    """Run the command line."""
-    parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.collect", description=__doc__)
-    add_arguments(parser)
-    given = parser.parse_args(argv)
-    try:
-        return run(given)
-    except DriveRobustError as error:
-        parser.exit(4, f"{error}\n")
-
-
-if __name__ == "__main__":
-    raise SystemExit(main())

@@ -72,7 +72,7 @@ def drive(
         for agent in agents
         for setting in settings
     }
-    tasks = [task for part in plan.values() for task in part]
+    requests = [request for part in plan.values() for request in part]
     held = FolderStore(store, run=uuid.uuid4().hex)
     worker_setup = WorkerSetup(
         python_path=tuple(sys.path),
@@ -81,13 +81,13 @@ def drive(
         simulator=chosen.simulator,
         options=options,
     )
-    with _ProgressBar(len(tasks)) as watch:
+    with _ProgressBar(len(requests)) as watch:
         scheduler = Scheduler(held, ProcessExecutor(lambda: worker_setup, Limits(), slots=workers), watch)
         try:
-            scheduler.ensure(tasks)
+            scheduler.ensure(requests)
         finally:
             scheduler.close()
-    return {key: [_scorable(held.get(task.key)) for task in part] for key, part in plan.items()}
+    return {key: [_scorable(held.get(request.key)) for request in part] for key, part in plan.items()}
 
 
 def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:

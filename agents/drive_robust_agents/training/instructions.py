@@ -1,8 +1,4 @@
-"""Does `simlingo` do what it is told? Held-out scenes, each driven as usual and with an instruction, as a table.
-
-::
-
-    python -m drive_robust_agents.training.instructions DATA [--weights FILE] [--scenes 200] [--all]
+"""`instructions`: does `simlingo` do what it is told? Held-out scenes, driven as usual and as told, as a table.
 
 A plan counts when it differs from the plan of the same scene without the instruction in the way that was asked for.
 With `<safety>` an instruction to leave the road counts as refused when the path stays where it was.
@@ -17,18 +13,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
+from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.recipes.dreaming import STEP_S, DreamStart, applicable
+from pytest_drive_robust.jit.arrays import Ints
 from pytest_drive_robust.stats.intervals import share_interval
 
-__all__ = ["ASKED", "NEEDS", "InstructionScore", "examine", "obeys", "scores", "table"]
+__all__ = ["ASKED", "NEEDS", "InstructionScore", "add_arguments", "examine", "obeys", "run", "scores", "table"]
 
 Arrays = Mapping[str, NDArray[Any]]
 Plan = Mapping[str, NDArray[Any]]
-Run = Callable[[Mapping[str, NDArray[Any]]], Plan]
+Network = Callable[[Mapping[str, NDArray[Any]]], Plan]
 """The network: arrays by the names of its inputs, to `path` (N, 20, 2) and `waypoints` (N, 10, 2)."""
 
 NEEDS = ("cam_front", "speed", "target", "future", "path", "facts")
@@ -68,7 +67,7 @@ class InstructionScore(NamedTuple):
 
 
 def scores(
-    run: Run, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
+    network: Network, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
 ) -> list[InstructionScore]:
     """Examine up to so many scenes for each row of the table.
 
@@ -80,21 +79,21 @@ def scores(
     for asked, kind, safety in ASKED:
         share = scenes // sum(other == asked for other, _, _ in ASKED)
         rows = _fitting(frames, order, kind, safety=safety)[:share]
-        found.setdefault(asked, []).extend(examine(run, frames.arrays(NEEDS, rows), kind, safety=safety, seed=seed))
+        found.setdefault(asked, []).extend(examine(network, frames.arrays(NEEDS, rows), kind, safety=safety, seed=seed))
     return [_score(asked, right) for asked, right in found.items()]
 
 
-def examine(run: Run, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0) -> list[bool]:
+def examine(network: Network, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0) -> list[bool]:
     """Return for each row whether the instruction moves the plan the right way (with `safety`: leaves it alone)."""
     generator = draws("wording", kind.value, seed)
     right = []
     for start in range(0, len(arrays["speed"]), _CHUNK):
         chunk = {name: values[start : start + _CHUNK] for name, values in arrays.items()}
         told = [_worded(kind, generator) for _ in chunk["speed"]]
-        usual = _planned(run, chunk, [driving(by_targets(mps)) for mps in chunk["speed"].tolist()])
+        usual = _planned(network, chunk, [driving(by_targets(mps)) for mps in chunk["speed"].tolist()])
         ways = [by_targets(mps) for mps in chunk["speed"].tolist()]
         asked = [instructed(way, one, safety=safety) for way, one in zip(ways, told, strict=True)]
-        planned = _planned(run, chunk, asked)
+        planned = _planned(network, chunk, asked)
         for k, one in enumerate(told):
             before, after = ((plan["path"][k], plan["waypoints"][k]) for plan in (usual, planned))
             right.append(_unmoved(before[0], after[0]) if safety else obeys(one, before, after))
@@ -127,34 +126,33 @@ def table(found: Sequence[InstructionScore]) -> str:
     return "\n".join(lines)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the table for a folder of frames. Raises `UsageError` for weights or data that cannot be used."""
-    from drive_robust_agents._nets.inference import Policy
-    from drive_robust_agents.simlingo import SimLingo
-
-    parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training.instructions", description=__doc__)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the options of `instructions`."""
     parser.add_argument("data", nargs="+", help="folders that `collect --agent simlingo` wrote")
     parser.add_argument("--weights", help="a .safetensors file with its manifest.json beside it; else what ships")
     parser.add_argument("--scenes", type=int, default=200, help="for each row of the table")
     parser.add_argument("--all", action="store_true", help="of all frames, not only those that training holds out")
-    options = parser.parse_args(arguments)
-    policy = Policy.of("simlingo", SimLingo.architecture, weights=options.weights)
-    frames = Frames(*options.data)
-    found = scores(lambda inputs: policy.run(**inputs), frames, scenes=options.scenes, everything=options.all)
+
+
+def run(given: argparse.Namespace) -> int:
+    """Print the table for folders of frames. Raises `UsageError` for weights or data that cannot be used."""
+    loaded = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=given.weights)
+    found = scores(lambda inputs: loaded.run(**inputs), Frames(*given.data), scenes=given.scenes, everything=given.all)
     print(table(found))
+    return 0
 
 
 # --- below ---
 
 
-def _fitting(frames: Frames, order: NDArray[np.int64], kind: Kind, *, safety: bool) -> NDArray[np.int64]:
+def _fitting(frames: Frames, order: Ints, kind: Kind, *, safety: bool) -> Ints:
     """Return the rows in which the instruction makes a difference, in the same order."""
     few = frames.arrays(("speed", "future", "path", "facts"), order)
     fits = []
     for speed, future, path, facts in zip(few["speed"], few["future"], few["path"], few["facts"], strict=True):
         moment = DreamStart(path, float(speed), future[:, 3], dict(zip(FACTS, facts.tolist(), strict=True)))
         fits.append(kind in applicable(moment, safety=safety))
-    fitting: NDArray[np.int64] = order[np.array(fits, dtype=bool)]
+    fitting: Ints = order[np.array(fits, dtype=bool)]
     return fitting
 
 
@@ -163,8 +161,8 @@ def _worded(kind: Kind, generator: np.random.Generator) -> Instruction:
     return Instruction(kind, mps=mps, phrase=int(generator.integers(len(PHRASES[kind]))))
 
 
-def _planned(run: Run, chunk: Arrays, prompts: Sequence[str]) -> Plan:
-    return run(
+def _planned(network: Network, chunk: Arrays, prompts: Sequence[str]) -> Plan:
+    return network(
         {
             "image": chunk["cam_front"],
             "speed": chunk["speed"].astype(np.float32),
@@ -198,7 +196,3 @@ def _unmoved(before: NDArray[Any], after: NDArray[Any]) -> bool:
 def _score(asked: str, right: Sequence[bool]) -> InstructionScore:
     low, high = share_interval([float(one) for one in right]) if right else (float("nan"), float("nan"))
     return InstructionScore(asked, len(right), sum(right), low, high)
-
-
-if __name__ == "__main__":
-    main()

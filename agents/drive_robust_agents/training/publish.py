@@ -7,14 +7,12 @@ import json
 from pathlib import Path
 from typing import Any
 
-import drive_robust_agents
+from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents.training.loop.export import publish
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 from pytest_drive_robust.errors import UsageError
 
 __all__ = ["add_arguments", "run"]
-
-_PACKAGE = Path(drive_robust_agents.__file__).parent / "weights"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--agent", required=True, choices=sorted(RECIPES), help="whose weights")
     parser.add_argument("--run", type=Path, required=True, help="folder of the training, evaluated before")
     parser.add_argument("--version", required=True, help="new weights, same network: 1.1; another network or rig: 2.0")
-    parser.add_argument("--to", type=Path, default=_PACKAGE, help="folder (that of the package)")
+    parser.add_argument("--to", type=Path, default=SHIPPED, help="folder (that of the package)")
     parser.add_argument("--note", default="", help="where it was trained, for the manifest")
 
 

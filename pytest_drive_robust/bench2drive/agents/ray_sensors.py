@@ -16,9 +16,8 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.bench2drive.agents.official_rig import Sensor
 from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.perturbations.context import Draws
-
-Floats = NDArray[np.float64]
 
 _CHANNELS = 64
 _LOWEST_DEG, _HIGHEST_DEG = -30.0, 10.0

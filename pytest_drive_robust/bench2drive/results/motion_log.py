@@ -15,16 +15,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
 from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
 from pytest_drive_robust.domain.result import Trace, read_only
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.metrics.comfort import COMFORT_QUIRKS, Motion, comfort_of
 from pytest_drive_robust.store.episode_fields import NO_TICKS
-
-Floats = NDArray[np.float64]
 
 FILE_NAME = "metric_info.json"
 LONGEST_S = 1e9

@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
-from pytest_drive_robust.errors import AgentError, nearest
+from pytest_drive_robust.errors import AgentError, did_you_mean
 
 BLAMED: tuple[type[BaseException], ...] = (Exception, SystemExit)
 """What is the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a timeout is pytest's: both
@@ -64,8 +64,7 @@ def agent_consumes(agent: Agent) -> tuple[str, ...]:
         named = list(given)
     for name in named:
         if name not in SIGNALS:
-            close = nearest(str(name), SIGNALS)
-            hint = f" Did you mean {close!r}?" if close else ""
+            hint = did_you_mean(str(name), SIGNALS)
             raise AgentError(
                 f"consumes has {_shown(name)}, which is no signal.{hint} There are {', '.join(sorted(SIGNALS))}"
             )

@@ -31,6 +31,7 @@ class OneThread:
         """Limit also what was loaded since, as by the agent that was made."""
         from threadpoolctl import threadpool_limits  # a run from the store needs none of it
 
+        # Looked for each time, in 2 ms: between two episodes tests have their threads back, and may load libraries.
         self._stack.enter_context(threadpool_limits(limits=1))
         for name, getter, setter in _LIBRARIES:
             library = sys.modules.get(name)

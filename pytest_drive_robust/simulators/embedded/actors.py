@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded import state as c
 
 SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
@@ -66,7 +66,8 @@ class ActorSpec:
 class Script:
     """What a trigger sets off: after `delay_s`, drive `speed_mps` towards `right_m` for `seconds`, then `after_mps`.
 
-    `relative` 1 reads the speed as a share of the ego's speed at that moment, 2 as metres per second above the ego's.
+    `relative` says what the speed is: metres per second (`SPEED_OWN`), a share of the ego's speed at that moment
+    (`SPEED_SHARE`), or metres per second above the ego's (`SPEED_ABOVE`).
     """
 
     speed_mps: float
@@ -74,18 +75,18 @@ class Script:
     seconds: float = np.inf
     after_mps: float = 0.0
     delay_s: float = 0.0
-    relative: int = 0
+    relative: int = c.SPEED_OWN
 
 
 @dataclass(slots=True)
 class Cast:
     """Collects actors and flows; `freeze` returns the arrays of `State`."""
 
-    rows: list[NDArray[np.float64]] = field(default_factory=list)
-    ints: list[NDArray[np.int64]] = field(default_factory=list)
+    rows: list[Floats] = field(default_factory=list)
+    ints: list[Ints] = field(default_factory=list)
     flow_rows: list[list[float]] = field(default_factory=list)
     flow_ints: list[list[int]] = field(default_factory=list)
-    flow_gaps: list[NDArray[np.float64]] = field(default_factory=list)
+    flow_gaps: list[Floats] = field(default_factory=list)
 
     def add(self, spec: ActorSpec) -> int:
         """Add one actor and return its number. Without a script it just does what its mode says."""
@@ -97,7 +98,8 @@ class Cast:
         row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = spec.brake_mps2, spec.accel_mps2, spec.yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH]] = int(spec.kind), spec.mode, spec.path
         whole[c.I_AT_END] = c.AT_END_LEAVE if spec.leaves else c.AT_END_STAY
-        whole[[c.I_ACTIVE, c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 2 if spec.appears else 1, 1, -100000, -1
+        whole[c.I_ACTIVE] = c.NOT_YET if spec.appears else c.PRESENT
+        whole[[c.I_SOLID, c.I_LAST_HIT, c.I_FLOW]] = 1, c.NEVER_HIT, -1
         whole[[c.I_BACKGROUND, c.I_OBEYS_LIGHTS, c.I_LEASH]] = spec.background, spec.obeys_lights, spec.leash
         whole[[c.I_SEES, c.I_STATE, c.I_PHASE]] = spec.sees, int(spec.state), c.PHASE_DONE
         if spec.kind is ActorKind.DIRT:
@@ -123,7 +125,7 @@ class Cast:
             whole[c.I_TRIGGER] = c.TRIGGER_PROGRESS
             row[c.A_TRIGGER_PROGRESS_M] = trigger.progress_m
 
-    def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: NDArray[np.float64]) -> None:
+    def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: Floats) -> None:
         """Add cars like `car`, of these kinds in turn, that come into being at `s_m` and leave at `end_m`.
 
         `gaps_m` are the distances between one car and the next, drawn beforehand.
@@ -132,14 +134,14 @@ class Cast:
         first = len(self.rows)
         for k in range(slots):
             actor = self.add(replace(car, kind=kinds[k % len(kinds)], leaves=True))
-            self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = 0, len(self.flow_rows)
+            self.ints[actor][[c.I_ACTIVE, c.I_FLOW]] = c.ABSENT, len(self.flow_rows)
         self.flow_rows.append([car.s_m, car.end_m, car.speed_mps, float(gaps_m[0]), car.right_m])
         self.flow_ints.append([car.path, first, first + slots, -1, 1])
         self.flow_gaps.append(gaps_m)
 
     def freeze(
         self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.float64], NDArray[np.int64], NDArray[np.float64]]:
+    ) -> tuple[Floats, Ints, Floats, Ints, Floats]:
         """Return (actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
         return (
             np.array(self.rows).reshape(-1, c.ACTOR_COLUMNS),

@@ -17,7 +17,7 @@ from pytest_drive_robust.arithmetic.arrays import exp
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.domain.truth import LaneMap, WorldState
-from pytest_drive_robust.jit.arrays import Pixels
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.simulators.embedded.drawing.air import Air, sky_rows
 from pytest_drive_robust.simulators.embedded.drawing.assemble import assemble
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BOX_COLUMNS
@@ -65,9 +65,7 @@ class CameraRig:
     `around` (n, 2 or more) holds points of the route in metres: the ground is drawn in detail near them.
     """
 
-    def __init__(
-        self, lane_map: LaneMap, weather: Weather, cameras: Sequence[CameraSpec], *, around: NDArray[np.float64]
-    ) -> None:
+    def __init__(self, lane_map: LaneMap, weather: Weather, cameras: Sequence[CameraSpec], *, around: Floats) -> None:
         self._air = Air.of(weather)
         self._street_light = self._air.street_light
         self._furniture = Furniture.of(lane_map, night=self._air.night)

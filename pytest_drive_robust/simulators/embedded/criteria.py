@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.compiled import cos, cos_sin, hypot, wrap_angle
 from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import note
@@ -30,7 +30,6 @@ DEVIATION_SOFT_M = 15.0
 DEVIATION_SHARE = 0.30
 DEVIATION_WINDOW = 6  # the nearest waypoint so far and the next five
 BLOCKED_S = 60.0
-STANDING_MPS = 0.1
 LIGHT_RADIUS_M = 15.0
 STOP_RADIUS_M = 4.0
 CHECKPOINTS = 20
@@ -222,7 +221,7 @@ def _stop_signs(world: WorldArrays) -> None:
                 break
     if current < 0:
         return
-    if ego[c.EGO_V] < STANDING_MPS:
+    if ego[c.EGO_V] < c.STANDING_MPS:
         ints[c.CI_STOPPED] = 1
     x, y, heading, _ = world.stop_lines[current]
     ch, sh = cos_sin(heading)
@@ -244,7 +243,7 @@ def _speed(world: WorldArrays) -> None:
         _speed_event(world)  # this tick counts for the next one
     total, count = 0.0, 0
     for i in range(len(world.actors)):
-        if world.actor_ints[i, c.I_BACKGROUND] == 1 and world.actor_ints[i, c.I_ACTIVE] == 1:
+        if world.actor_ints[i, c.I_BACKGROUND] == 1 and world.actor_ints[i, c.I_ACTIVE] == c.PRESENT:
             total += world.actors[i, c.A_V]
             count += 1
     if count > 0:
@@ -268,12 +267,12 @@ def _speed_event(world: WorldArrays) -> None:
 def _yield_test(world: WorldArrays) -> None:
     """Note when the emergency vehicle is not ahead of the ego ten seconds after it came within 50 m."""
     e = world.emergency_actor
-    if e < 0 or world.actor_ints[e, c.I_ACTIVE] != 1 or world.criteria_ints[c.CI_YIELD_SEEN] == 2:
+    if e < 0 or world.actor_ints[e, c.I_ACTIVE] != c.PRESENT or world.criteria_ints[c.CI_YIELD_SEEN] == c.YIELD_JUDGED:
         return
     dx, dy = world.actors[e, c.A_X] - world.ego[c.EGO_X], world.actors[e, c.A_Y] - world.ego[c.EGO_Y]
     if hypot(dx, dy) < YIELD_NEAR_M:
-        world.criteria_ints[c.CI_YIELD_SEEN] = 1
-    if world.criteria_ints[c.CI_YIELD_SEEN] == 1:
+        world.criteria_ints[c.CI_YIELD_SEEN] = c.YIELD_NEAR
+    if world.criteria_ints[c.CI_YIELD_SEEN] == c.YIELD_NEAR:
         world.criteria[c.C_YIELD_TIMER_S] += world.dt_s
         if world.criteria[c.C_YIELD_TIMER_S] >= YIELD_S:
             _close_yield(world)
@@ -286,9 +285,9 @@ def _close_yield(world: WorldArrays) -> None:
     dx, dy = world.actors[e, c.A_X] - ego[c.EGO_X], world.actors[e, c.A_Y] - ego[c.EGO_Y]
     ch, sh = cos_sin(ego[c.EGO_YAW])
     ahead = dx * ch + dy * sh
-    if ahead <= 0.0 and world.actor_ints[e, c.I_ACTIVE] == 1:
+    if ahead <= 0.0 and world.actor_ints[e, c.I_ACTIVE] == c.PRESENT:
         note(world, c.EVENT_YIELD, float(e), ahead)
-    world.criteria_ints[c.CI_YIELD_SEEN] = 2
+    world.criteria_ints[c.CI_YIELD_SEEN] = c.YIELD_JUDGED
 
 
 @inner
@@ -311,7 +310,7 @@ def _off_route_m(world: WorldArrays) -> float:
 def _end(world: WorldArrays) -> int:
     ego, criteria, ints = world.ego, world.criteria, world.criteria_ints
     away = _off_route_m(world)
-    criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + world.dt_s if ego[c.EGO_V] < STANDING_MPS else 0.0
+    criteria[c.C_STILL_S] = criteria[c.C_STILL_S] + world.dt_s if ego[c.EGO_V] < c.STANDING_MPS else 0.0
     last = world.route[-1]
     done_pct = 100.0 * world.route_s[ints[c.CI_PROGRESS]] / world.route_s[-1]
     if done_pct > COMPLETE_PCT and hypot(ego[c.EGO_X] - last[0], ego[c.EGO_Y] - last[1]) < COMPLETE_M:
@@ -347,11 +346,11 @@ def finish(world: WorldArrays) -> None:
     share = world.route_s[world.criteria_ints[c.CI_PROGRESS]] / world.route_s[-1]
     if share > LAST_CHECKPOINT_SHARE:
         _speed_event(world)
-    if world.criteria_ints[c.CI_YIELD_SEEN] == 1:
+    if world.criteria_ints[c.CI_YIELD_SEEN] == c.YIELD_NEAR:
         _close_yield(world)
 
 
-def criteria_arrays() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def criteria_arrays() -> tuple[Floats, Ints]:
     """Return fresh criteria rows for the start of an episode."""
     floats = np.zeros(c.CRITERIA_COLUMNS)
     floats[[c.C_LAST_HIT_X, c.C_LAST_HIT_Y]] = 1e9

@@ -7,13 +7,12 @@ from itertools import groupby, islice, pairwise
 from math import fsum
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
 from pytest_drive_robust.simulators.embedded.matching import distance_to_lanes, lane_change_side, match_lanes
@@ -30,18 +29,19 @@ _OFF_CENTRE_M = 0.1
 
 @dataclass(frozen=True, slots=True)
 class DenseRoute:
-    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `lanes` (n,) the lane under each row.
-
-    `town` is `lane_map` with its chains and passages.
-    """
+    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `lanes` (n,) the lane under each row."""
 
     route: Route
-    lane_map: LaneMap
     rows: Floats
     s: Floats
-    lanes: NDArray[np.int64]
+    lanes: Ints
     trigger_m: float
     town: CompiledTown
+
+    @property
+    def lane_map(self) -> LaneMap:
+        """That of its town."""
+        return self.town.lane_map
 
     @property
     def length_m(self) -> float:
@@ -157,7 +157,7 @@ def lay_route(route: Route) -> DenseRoute:
     limits = np.array([lane_map.lanes[k].speed_limit_mps for k in lanes])
     rows = np.column_stack([line, limits])
     trigger_m = traced.trigger_m if traced else _trigger_m(route, line)
-    return DenseRoute(route, lane_map, rows, arc_lengths(line), lanes, trigger_m, town)
+    return DenseRoute(route, rows, arc_lengths(line), lanes, trigger_m, town)
 
 
 def _trigger_m(route: Route, line: Floats) -> float:

@@ -18,7 +18,6 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.routes import default_set
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
@@ -155,18 +154,14 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
             raise UnknownNameError.of("route of this environment", wanted, by_id)
         return by_id[wanted]
 
-    def _infractions(self) -> int:
-        state = self._simulator.world.state
-        return int(np.sum(state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND] != c.EVENT_SPEED))
-
     def _reward(self) -> float:
-        infractions, progress_m = self._infractions(), self._simulator.progress_m
+        infractions, progress_m = self._simulator.world.state.infractions(), self._simulator.progress_m
         gained = progress_m - self._seen[0] - _INFRACTION_COST * (infractions - self._seen[1])
         self._seen = (progress_m, infractions)
         return float(gained)
 
     def _info(self, end: End | None) -> dict[str, Any]:
-        infractions = self._infractions()
+        infractions = self._simulator.world.state.infractions()
         return {
             "route": self._route_id,
             "progress_m": self._simulator.progress_m,

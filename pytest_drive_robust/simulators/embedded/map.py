@@ -63,6 +63,14 @@ def compile_town(name: str) -> CompiledTown:
     return CompiledTown(build_town(name))
 
 
+def leftmost(lane_map: LaneMap, lane: int) -> int:
+    """Return the lane farthest to the left that leads the same way as `lane` and lies side by side with it."""
+    lanes = lane_map.lanes
+    while lanes[lane].left >= 0 and lanes[lane].left_same_way:
+        lane = lanes[lane].left
+    return lane
+
+
 def join(lane_map: LaneMap, lanes: tuple[int, ...]) -> Floats:
     """Return one centre line through several lanes that follow each other, resampled to equal steps."""
     return resample(np.concatenate([lane_map.lanes[k].centre for k in lanes]))

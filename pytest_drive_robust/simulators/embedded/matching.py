@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 _BEYOND_EDGE_M = 0.5
 _SAME_WAY = 0.5
@@ -18,7 +17,7 @@ _TURN_COST_M = 3.0
 _SAME_COST_M = 0.3
 
 
-def match_lanes(lane_map: LaneMap, line: Floats) -> NDArray[np.int64]:
+def match_lanes(lane_map: LaneMap, line: Floats) -> Ints:
     """Return the lane index under each row of `line` (n, 3), or -1 where no lane fits.
 
     A row fits a driving lane when it lies on it (half a metre beside it at most) and heads its way. Of the rows of
@@ -71,7 +70,7 @@ def _nearest(lanes: dict[int, Lane], point: tuple[float, float]) -> tuple[dict[i
     return {k: float(d.min()) for k, d in away.items()}, {k: int(d.argmin()) for k, d in away.items()}
 
 
-def _cheapest(cost: Floats, steps: Floats) -> NDArray[np.int64]:
+def _cheapest(cost: Floats, steps: Floats) -> Ints:
     """Return the cheapest way through the columns of `cost` (n, k), row by row, with `steps` (k, k) between columns."""
     total = cost[0]
     came_from = np.zeros(cost.shape, dtype=np.int64)

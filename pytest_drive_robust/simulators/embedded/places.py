@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
-from pytest_drive_robust.simulators.embedded.map import Passage, join, prolonged
+from pytest_drive_robust.simulators.embedded.map import Passage, join, leftmost, prolonged
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
 
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
@@ -116,12 +116,11 @@ class RoutePlaces:
 
     def oncoming(self, ahead_m: float = 0.0) -> int:
         """Return the path of the nearest lane that leads the other way. Raises `RouteError` where there is none."""
-        lane = self.lane_at(ahead_m)
-        while lane.left >= 0 and lane.left_same_way:
-            lane = self.dense.lane_map.lanes[lane.left]
-        if not self._is_driven(lane.left):
+        lane_map = self.dense.lane_map
+        other = lane_map.lanes[leftmost(lane_map, self.lane_at(ahead_m).index)].left
+        if not self._is_driven(other):
             raise self._needs("an oncoming lane")
-        return self._path((lane.left,))
+        return self._path((other,))
 
     def _is_driven(self, index: int) -> bool:
         return index >= 0 and self.dense.lane_map.lanes[index].kind is LaneKind.DRIVING

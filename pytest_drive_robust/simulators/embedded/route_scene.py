@@ -10,6 +10,7 @@ from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import RoadOption, Route, ScenarioSpec
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import place
@@ -38,7 +39,7 @@ class RouteScene:
     world: World
     frame: WorldState
     ridden_m: float
-    walks: np.typing.NDArray[np.float64]
+    walks: Floats
 
 
 def telling_moment(route: Route, *, seed: int = 0) -> RouteScene:
@@ -80,7 +81,7 @@ def _put_ego(world: World, ridden_m: float, speed_mps: float) -> None:
 def _is_blocked(world: World) -> bool:
     """Return whether something solid is right before the ego."""
     ego, ints = world.state.ego, world.state.actor_ints
-    there = (ints[:, c.I_ACTIVE] == 1) & (ints[:, c.I_SOLID] == 1)
+    there = (ints[:, c.I_ACTIVE] == c.PRESENT) & (ints[:, c.I_SOLID] == 1)
     away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]
     cos_yaw, sin_yaw = scalars.cos(ego[c.EGO_YAW]), scalars.sin(ego[c.EGO_YAW])
     ahead, right = away[:, 0] * cos_yaw + away[:, 1] * sin_yaw, away[:, 1] * cos_yaw - away[:, 0] * sin_yaw
@@ -88,7 +89,7 @@ def _is_blocked(world: World) -> bool:
     return bool(((ahead > 0.0) & (ahead - half < _KEEP_AWAY_M) & (np.abs(right) < 1.6)).any())
 
 
-def _walks(world: World) -> np.typing.NDArray[np.float64]:
+def _walks(world: World) -> Floats:
     ways = []
     for actor, whole in zip(world.stage.cast.rows, world.stage.cast.ints, strict=True):
         if whole[c.I_MODE] == c.MODE_WALK:

@@ -14,8 +14,15 @@ from dataclasses import fields
 from pathlib import Path
 
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
-from pytest_drive_robust.errors import RouteError, nearest
-from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, is_carla, is_numeric, is_traced, problems_of
+from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.traced.schema import (
+    SCHEMA,
+    is_carla,
+    is_numeric,
+    is_traced,
+    nearest_hint,
+    problems_of,
+)
 
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
 """Degrees; all others are percentages."""
@@ -194,8 +201,7 @@ def _unread(element: ElementTree.Element) -> Iterator[str]:
 def _no_such(element: str, what: str, name: str, known: tuple[str, ...]) -> str:
     """Say that an element has nothing of this name, with the nearest one that it has, or where it belongs."""
     home = next((tag for tag, (_, children) in _NAMES.items() if what == "element" and name in children), None)
-    close = nearest(name, known)
-    hint = f": it belongs in <{home}>." if home else f", did you mean {close!r}?" if close else "."
+    hint = f": it belongs in <{home}>." if home else nearest_hint(name, known) or "."
     return f"<{element}> has no {what} {name!r}{hint} Known: {', '.join(known) or 'none'}"
 
 

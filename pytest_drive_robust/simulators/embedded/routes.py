@@ -1,4 +1,4 @@
-"""The routes that we ship, as named sets over one file, and route files of your own.
+"""The routes that we ship, as named sets over one file.
 
 The file holds every scenario type in alphabetical order with the same number of routes each; the ids are
 100 for the first type, 200 for the second, ..., plus 1, 2, ... for its routes.
@@ -79,7 +79,7 @@ def is_shipped(route: Route) -> bool:
 
 def _find(name: str) -> tuple[str, Callable[[Route, int], bool]]:
     if name not in _SETS:
-        raise UnknownNameError.of("route set", name, _SETS, hint="Or give the path of a route XML file.")
+        raise UnknownNameError.of("set of routes", name, _SETS, hint="Or give the path of a route XML file.")
     return _SETS[name]
 
 

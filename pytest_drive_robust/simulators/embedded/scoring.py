@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
@@ -39,7 +37,7 @@ def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
     at_the_end = closing_infractions(end, outside_m=outside, passed_m=passed, strayed=_strayed(world), here=here)
     infractions = [*_infractions(world), *at_the_end]
     still_s = float(world.state.criteria[c.C_STILL_S])
-    ratios = [row[c.EV_VALUE] for row in _events(world) if row[c.EV_KIND] == c.EVENT_SPEED]
+    ratios = [row[c.EV_VALUE] for row in world.state.noted() if row[c.EV_KIND] == c.EVENT_SPEED]
     return EpisodeScore(
         end=end,
         end_detail=end_detail(end, at_s=here[0] * DT_S, still_s=still_s, options=options, dt_s=DT_S),
@@ -57,13 +55,9 @@ def _strayed(world: World) -> bool:
     return float(world.state.criteria[c.C_OFFROUTE_M]) > DEVIATION_SHARE * world.dense.length_m
 
 
-def _events(world: World) -> np.typing.NDArray[np.float64]:
-    return world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
-
-
 def _infractions(world: World) -> list[Infraction]:
     found = []
-    for row in _events(world):
+    for row in world.state.noted():
         kind, number, value = int(row[c.EV_KIND]), int(row[c.EV_ACTOR]), float(row[c.EV_VALUE])
         if kind == c.EVENT_SPEED:
             continue

@@ -8,8 +8,23 @@ import numpy as np
 
 from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.domain.truth import LaneMap, WorldState
+from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import SimulationError
+from pytest_drive_robust.jit.arrays import Floats
+
+
+def sensed(state: WorldState, *, cameras: Mapping[str, Image], truth: GroundTruth | None = None) -> Observation:
+    """Return what all sensors deliver: GPS, compass, IMU and speed of this state, with the images as they are given."""
+    tick, ego = state.tick, state.ego
+    return Observation(
+        tick=tick,
+        gps=Gps(ego.x_m, ego.y_m, tick),
+        compass=Compass(float(np.remainder(ego.yaw_rad + np.pi / 2.0, 2.0 * np.pi)), tick),
+        imu=Imu(ego.forward_mps2, ego.right_mps2, ego.yaw_rate_radps, tick),
+        speed=Speed(ego.speed_mps, tick),
+        cameras=cameras,
+        truth=truth,
+    )
 
 
 class Sensors:
@@ -21,7 +36,7 @@ class Sensors:
         *,
         lane_map: LaneMap,
         weather: Weather,
-        route: np.typing.NDArray[np.float64],
+        route: Floats,
         dt_s: float,
     ) -> None:
         for camera in cameras:
@@ -38,19 +53,12 @@ class Sensors:
 
     def observe(self, state: WorldState) -> Observation:
         """Return what the sensors deliver now; cameras slower than the tick deliver their last image again."""
-        tick, ego = state.tick, state.ego
+        tick = state.tick
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]
         if self._rig is not None and due:
             for name, pixels in self._rig.render(state, due).items():
                 self._images[name] = Image(pixels, tick)
-        return Observation(
-            tick=tick,
-            gps=Gps(ego.x_m, ego.y_m, tick),
-            compass=Compass(float(np.remainder(ego.yaw_rad + np.pi / 2.0, 2.0 * np.pi)), tick),
-            imu=Imu(ego.forward_mps2, ego.right_mps2, ego.yaw_rate_radps, tick),
-            speed=Speed(ego.speed_mps, tick),
-            cameras=dict(self._images),
-        )
+        return sensed(state, cameras=dict(self._images))
 
     def snapshot(self) -> dict[str, Image]:
         """Copy of the images of slow cameras, which the next `observe` may deliver again; give them to `restore`."""

@@ -3,37 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import scalars
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
-from pytest_drive_robust.domain.truth import ActorKind, ActorState, LightState
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
+from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script, Trigger
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
+from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED, Program
 from pytest_drive_robust.simulators.embedded.places import RoutePlaces
 
-_CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
+CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
+"""What the cars of a flow are, in turn."""
 _GAPS = 127  # draws of a flow; they repeat after that
 _LEAST_ROOM_M = 2.0
 """Between one car of a flow and the next."""
-MAX_PHASES = 4
-_YELLOW_S = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Program:
-    """`before` the scenario starts; then phases of (state, seconds after that at its end), the last one for ever."""
-
-    before: LightState
-    phases: tuple[tuple[LightState, float], ...]
-
-
-GREEN = Program(LightState.GREEN, ((LightState.GREEN, np.inf),))
-RED = Program(LightState.RED, ((LightState.RED, np.inf),))
 
 
 class Stage(RoutePlaces):
@@ -45,7 +31,7 @@ class Stage(RoutePlaces):
     elements.
     """
 
-    def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, tuple[float, float]]) -> None:
+    def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, Range]) -> None:
         super().__init__(dense)
         self.ranges = ranges
         self.cast = Cast()
@@ -89,10 +75,10 @@ class Stage(RoutePlaces):
             )
         )  # fmt: skip
 
-    def dirt(self, ahead_m: float) -> int:
+    def dirt(self, ahead_m: float) -> None:
         """Put a patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
         self.patches.append(self.spot(ahead_m))
-        return self.stand(ActorKind.DIRT, ahead_m)
+        self.stand(ActorKind.DIRT, ahead_m)
 
     def walker(
         self,
@@ -124,9 +110,9 @@ class Stage(RoutePlaces):
         path: int,
         *,
         speed_mps: float,
-        gap_m: tuple[float, float],
+        gap_m: Range,
         background: bool = False,
-        kinds: tuple[ActorKind, ...] = _CARS,
+        kinds: tuple[ActorKind, ...] = CARS,
         obeys_lights: bool = False,
         sees: int = c.SEES_ALL,
         dense_m: float = 0.0,
@@ -173,34 +159,3 @@ class Stage(RoutePlaces):
         for index in self.dense.junction_stops(number):
             towards = scalars.cos(self.dense.lane_map.stop_lines[index].heading_rad - own)
             self.programs[index] = ego if towards > 0.7 else opposite if towards < -0.7 else crossing
-
-
-def red_then_green(red_s: float) -> Program:
-    """Return a program: red until `red_s` seconds after the scenario started, green from then on."""
-    return Program(LightState.RED, ((LightState.RED, red_s), (LightState.GREEN, np.inf)))
-
-
-def green_then_red(green_s: float, red_s: float) -> Program:
-    """Return a program: green for `green_s` after the scenario started, yellow for two, red for `red_s`, green."""
-    return Program(
-        LightState.GREEN,
-        (
-            (LightState.GREEN, green_s),
-            (LightState.YELLOW, green_s + _YELLOW_S),
-            (LightState.RED, green_s + _YELLOW_S + red_s),
-            (LightState.GREEN, np.inf),
-        ),
-    )
-
-
-def compile_programs(programs: list[Program]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Return (state before, states (lines, 4), ends in seconds (lines, 4)) for the kernels."""
-    before = np.array([int(program.before) for program in programs], dtype=np.int64)
-    states = np.zeros((len(programs), MAX_PHASES), dtype=np.int64)
-    until = np.full((len(programs), MAX_PHASES), np.inf)
-    for k, program in enumerate(programs):
-        for phase in range(MAX_PHASES):
-            state, end_s = program.phases[min(phase, len(program.phases) - 1)]
-            states[k, phase] = int(state)
-            until[k, phase] = end_s
-    return before, states, until

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+import numpy as np
+
 from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
 DT_S = 0.05
+STANDING_MPS = 0.1
+"""Who is slower than this stands, for all criteria."""
 EVENT_CAPACITY = 256
 
 # --- ego: one row of floats ---
@@ -24,8 +28,13 @@ ACTOR_COLUMNS = 29
 
 I_KIND, I_ACTIVE, I_MODE, I_PATH, I_STATE, I_PHASE, I_STUN, I_LAST_HIT, I_TRIGGER, I_AT_END = range(10)
 I_BACKGROUND, I_OBEYS_LIGHTS, I_SOLID, I_LEASH, I_FLOW, I_RELATIVE, I_SEES = range(10, 17)
-SEES_ALL, SEES_NOBODY, SEES_LATE = range(3)  # values of I_SEES
 ACTOR_INTS = 17
+
+# --- values of those columns, by the column's name ---
+ABSENT, PRESENT, NOT_YET = range(3)  # I_ACTIVE; who is not there yet comes when its script starts
+NEVER_HIT = -100000  # I_LAST_HIT, otherwise a tick
+SPEED_OWN, SPEED_SHARE, SPEED_ABOVE = range(3)  # I_RELATIVE: a script's speed in m/s, of the ego's, beyond it
+SEES_ALL, SEES_NOBODY, SEES_LATE = range(3)  # I_SEES
 
 MODE_STATIC, MODE_DRIVE, MODE_WALK = range(3)
 TRIGGER_NONE, TRIGGER_ARRIVAL, TRIGGER_PROGRESS = range(3)
@@ -45,6 +54,7 @@ CRITERIA_COLUMNS = 10
 CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_SAMPLES = range(6)
 CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN, CI_NEAREST = range(6, 12)
 CRITERIA_INTS = 12
+YIELD_FAR, YIELD_NEAR, YIELD_JUDGED = range(3)  # values of CI_YIELD_SEEN: what is known of the emergency vehicle
 
 TWO_WAYS_NEVER, TWO_WAYS_WHILE_IT_RUNS, TWO_WAYS_TO_THE_END = range(3)  # values of `Statics.two_ways`
 
@@ -113,3 +123,11 @@ class State(NamedTuple):
     criteria: Floats1  # (10,)
     criteria_ints: Ints1  # (12,)
     events: Floats2  # (EVENT_CAPACITY, 6)
+
+    def noted(self) -> Floats2:
+        """Return the events of the episode so far, one row each."""
+        return self.events[: self.criteria_ints[CI_EVENTS]]
+
+    def infractions(self) -> int:
+        """Return how many events of the episode so far break a rule."""
+        return int(np.count_nonzero(self.noted()[:, EV_KIND] != EVENT_SPEED))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.series import wrap_angle
@@ -13,7 +12,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameError
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish
@@ -25,8 +24,10 @@ from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
     settle_turn,
     tick,
 )
+from pytest_drive_robust.simulators.embedded.light_programs import RED, compile_programs
+from pytest_drive_robust.simulators.embedded.map import leftmost
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
-from pytest_drive_robust.simulators.embedded.stage import RED, Stage, compile_programs
+from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.state import DT_S, State, Statics
 
 EGO_LENGTH_M, EGO_WIDTH_M = 4.892, 1.837
@@ -64,7 +65,7 @@ class World:
             criteria_ints=ints,
             events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
         )
-        self._rows = np.zeros((len(actors), 10))
+        self._rows = np.zeros((len(actors), WorldState.COLUMNS))
         self._arrays = pack_world(self.statics, self.state)
         settle(self._arrays)
         _clear_start(self.statics, self.state)
@@ -143,17 +144,17 @@ def _clear_start(statics: Statics, state: State) -> None:
 
     Those nearer than 15 m on the ego's own lane leave before the first tick.
     """
-    active = state.actor_ints[:, c.I_ACTIVE] == 1
+    active = state.actor_ints[:, c.I_ACTIVE] == c.PRESENT
     flowing = state.actor_ints[:, c.I_FLOW] >= 0
     placed = state.actors[active & ~flowing & (state.actor_ints[:, c.I_SOLID] == 1)]
     placed_cos, placed_sin = arrays.cos(placed[:, c.A_YAW]), arrays.sin(placed[:, c.A_YAW])
     cos, sin = scalars.cos(state.ego[c.EGO_YAW]), scalars.sin(state.ego[c.EGO_YAW])
     for i in np.flatnonzero(active & flowing):
         if _runs_into(state.actors[i], placed, placed_cos, placed_sin):
-            state.actor_ints[i, c.I_ACTIVE] = 0
+            state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
         dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
         if scalars.hypot(dx, dy) < 15.0 and abs(-dx * sin + dy * cos) < statics.ego_width_m:
-            state.actor_ints[i, c.I_ACTIVE] = 0
+            state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
 
 
 def _runs_into(actor: Floats, placed: Floats, cos: Floats, sin: Floats) -> bool:
@@ -202,7 +203,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         lane_junction=np.array([int(lane.junction) for lane in lane_map.lanes], dtype=np.int64),
         stop_lines=np.array([[s.x_m, s.y_m, s.heading_rad, s.width_m] for s in stops]).reshape(-1, 4),
         stop_is_light=np.array([int(s.is_light) for s in stops], dtype=np.int64),
-        stop_light=np.array([_leftmost(lane_map, s.lane) for s in stops], dtype=np.int64),
+        stop_light=np.array([leftmost(lane_map, s.lane) for s in stops], dtype=np.int64),
         light_states=states,
         light_until_s=until,
         light_before=before,
@@ -212,14 +213,6 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         patch_noise=_patch_noise(stage),
         survey=np.zeros((len(stage.paths), len(stage.cast.rows) + 1, c.SURVEY_COLUMNS)),
     )
-
-
-def _leftmost(lane_map: LaneMap, lane: int) -> int:
-    """Return the lane farthest to the left that leads the same way as `lane` and lies side by side with it."""
-    lanes = lane_map.lanes
-    while lanes[lane].left >= 0 and lanes[lane].left_same_way:
-        lane = lanes[lane].left
-    return lane
 
 
 def _patch_noise(stage: Stage) -> Floats:
@@ -236,7 +229,7 @@ def _patch_noise(stage: Stage) -> Floats:
     return noise
 
 
-def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, NDArray[np.int64]]:
+def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, Ints]:
     """Return where each path meets its first stop line, if it does."""
     stop_s = np.full(len(paths), np.inf)
     stop_line = np.full(len(paths), -1, dtype=np.int64)

@@ -16,6 +16,7 @@ from pytest_drive_robust.domain.truth import ActorKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import criteria as constants
 from pytest_drive_robust.simulators.embedded.scoring import COLLISIONS, closing_infractions, end_detail
+from pytest_drive_robust.simulators.embedded.state import STANDING_MPS
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad, kind_of
 from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine
 
@@ -56,7 +57,7 @@ class EpisodeCriteria:
         if self._is_outside() or self._is_wrong_way(state):
             self._outside_m += gained
         self._efficiency(state)
-        self._still_s = self._still_s + dt_s if state.ego.speed_mps < constants.STANDING_MPS else 0.0
+        self._still_s = self._still_s + dt_s if state.ego.speed_mps < STANDING_MPS else 0.0
         self.end = self._end(state, options)
 
     def score(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
@@ -95,7 +96,7 @@ class EpisodeCriteria:
         """Note one collision, unless the ego stood: highway-env's `crashed` stays true for the rest of the episode."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
-            if self._road.speed_before_mps < constants.STANDING_MPS:
+            if self._road.speed_before_mps < STANDING_MPS:
                 return
             other = self._road.whom_it_hit()
             kind = ActorKind.BARRIER if other is None else kind_of(other)

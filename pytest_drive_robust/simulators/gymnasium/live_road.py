@@ -11,10 +11,10 @@ import numpy as np
 from highway_env.envs.common.action import ContinuousAction
 from highway_env.vehicle.kinematics import Vehicle
 from highway_env.vehicle.objects import Landmark
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneMap, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 _HEIGHT_M = {ActorKind.CAR: 1.55, ActorKind.TRUCK: 3.2, ActorKind.BARRIER: 1.0, ActorKind.BICYCLE: 1.7}
 _TRUCK_M, _BICYCLE_M = 7.0, 1.0
@@ -91,7 +91,7 @@ class LiveRoad:
             width_m=float(body.WIDTH),
         )
         rows = [self._row(other) for other in self.others()]
-        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, 10), _NO_LIGHTS)
+        return WorldState(self.tick, ego, np.array(rows, dtype=np.float64).reshape(-1, WorldState.COLUMNS), _NO_LIGHTS)
 
     def others(self) -> list[Any]:
         """Return every vehicle and solid object but the ego."""
@@ -157,9 +157,7 @@ class EgoVehicle(Vehicle):  # type: ignore[misc]
         self.destination_node = str(destination)
         return self
 
-    def predict_trajectory_constant_speed(
-        self, times: NDArray[np.float64]
-    ) -> tuple[list[NDArray[np.float64]], list[float]]:
+    def predict_trajectory_constant_speed(self, times: Floats) -> tuple[list[Floats], list[float]]:
         """Return (positions, headings) at `times` in seconds from now, with the steering of now and no acceleration."""
         twin = copy.copy(self)
         twin.road = None  # its lane is never looked up
@@ -198,7 +196,7 @@ def acceleration_and_steering(
     return max(push_mps2, -max(speed_mps, 0.0) / dt_s), math.atan(length_m * curvature)
 
 
-def action_of(acceleration_mps2: float, steering_rad: float, action_type: ContinuousAction) -> NDArray[np.float64]:
+def action_of(acceleration_mps2: float, steering_rad: float, action_type: ContinuousAction) -> Floats:
     """Return the two numbers in -1..1 that `action_type` maps to this acceleration and steering angle."""
     wanted = ((acceleration_mps2, action_type.acceleration_range), (steering_rad, action_type.steering_range))
     shares = [2.0 * (value - float(low)) / (float(high) - float(low)) - 1.0 for value, (low, high) in wanted]

@@ -16,7 +16,7 @@ torch = pytest.importorskip("torch")
 
 from drive_robust_agents._nets import prompts, words  # noqa: E402
 from drive_robust_agents._nets.simlingo import SimLingoNet, SimLingoSpec  # noqa: E402
-from drive_robust_agents._planning import mkz  # noqa: E402
+from drive_robust_agents._vehicle import mkz  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents._wrappers.path_controller import Creep  # noqa: E402
 from drive_robust_agents.simlingo import CAMERAS, SimLingo  # noqa: E402

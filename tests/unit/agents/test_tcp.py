@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 torch = pytest.importorskip("torch")
 
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec  # noqa: E402
-from drive_robust_agents._planning.mkz import Pedals  # noqa: E402
-from drive_robust_agents._planning.plain_car import pedals_from_plain  # noqa: E402
+from drive_robust_agents._vehicle.mkz import Pedals  # noqa: E402
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers import tuning  # noqa: E402
 from drive_robust_agents.tcp import CAMERAS, TCP, Fusion, Mode, joined  # noqa: E402
 from drive_robust_agents.training.loop.export import write_weights  # noqa: E402

@@ -16,7 +16,7 @@ torch = pytest.importorskip("torch")
 
 from drive_robust_agents import uniad  # noqa: E402
 from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
-from drive_robust_agents._nets.inference import Policy  # noqa: E402
+from drive_robust_agents._nets.inference import LoadedNetwork  # noqa: E402
 from drive_robust_agents._nets.uniad import UniadNet, UniadSpec  # noqa: E402
 from drive_robust_agents._wrappers.bev_agent import CAMERAS  # noqa: E402
 from drive_robust_agents._wrappers.tuning import Tuning  # noqa: E402
@@ -138,9 +138,9 @@ def test_without_a_route_it_says_what_is_missing() -> None:
 
 
 def test_its_memory_has_the_shapes_of_the_network(weights: Path) -> None:
-    policy = Policy.of("uniad", UniAD.architecture, weights=weights)
+    network = LoadedNetwork.of("uniad", UniAD.architecture, weights=weights)
     example = {name: value.numpy() for name, value in UniadNet(UniadSpec()).example(1).items()}
-    given = policy.run(**example)
+    given = network.run(**example)
     for name, shape in UniAD.remembers.items():
         assert given[name].shape == (1, *shape)
         assert example[f"old_{name}"].shape == (1, *shape)

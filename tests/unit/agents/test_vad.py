@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 torch = pytest.importorskip("torch")
 
 from drive_robust_agents._nets.blocks import fold_batch_norm  # noqa: E402
-from drive_robust_agents._nets.inference import Policy  # noqa: E402
+from drive_robust_agents._nets.inference import LoadedNetwork  # noqa: E402
 from drive_robust_agents._nets.torch_engine import TorchEngine  # noqa: E402
 from drive_robust_agents._nets.vad import VadNet, VadSpec  # noqa: E402
-from drive_robust_agents._planning.mkz import Pedals  # noqa: E402
-from drive_robust_agents._planning.plain_car import pedals_from_plain  # noqa: E402
+from drive_robust_agents._vehicle.mkz import Pedals  # noqa: E402
+from drive_robust_agents._vehicle.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers.memory import CAN_BUS  # noqa: E402
 from drive_robust_agents.training.recipes.vad import VadRecipe  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
@@ -183,15 +183,15 @@ def test_without_a_route_it_says_what_is_missing() -> None:
         VAD(network=Spy()).act(observed(0))
 
 
-def real(seed: int = 0) -> Policy:
+def real(seed: int = 0) -> LoadedNetwork:
     """An untrained network as it would drive."""
     torch.manual_seed(seed)
     net = fold_batch_norm(VadNet(VadSpec()).eval().requires_grad_(False)).to(memory_format=torch.channels_last)
-    return Policy(None, TorchEngine(net))  # type: ignore[arg-type]
+    return LoadedNetwork(None, TorchEngine(net))  # type: ignore[arg-type]
 
 
 def test_company_changes_a_control_by_last_bits_at_most_and_never_unseen() -> None:
-    policy = real()
+    network = real()
     drives = [
         Recording(
             plan(*[RoadOption(1 + seed)] * 3),
@@ -200,13 +200,13 @@ def test_company_changes_a_control_by_last_bits_at_most_and_never_unseen() -> No
         )
         for seed in range(3)
     ]
-    problem = check_lockstep(lambda: VAD(network=policy), drives, (4, 8))
+    problem = check_lockstep(lambda: VAD(network=network), drives, (4, 8))
     assert problem is None or "in other company" in problem  # the last bits of products are up to the processor
 
 
 def test_driven_alone_or_in_company_it_plans_the_same_way() -> None:
-    policy = real()
-    several, alone = [VAD(network=policy) for _ in range(3)], VAD(network=policy)
+    network = real()
+    several, alone = [VAD(network=network) for _ in range(3)], VAD(network=network)
     for agent in (*several, alone):
         agent.reset(plan(*[RoadOption.STRAIGHT] * 3), 0)
     for tick in range(0, 24, 12):
@@ -216,10 +216,10 @@ def test_driven_alone_or_in_company_it_plans_the_same_way() -> None:
 
 
 def test_the_memory_changes_the_plan() -> None:
-    policy = real()
+    network = real()
     ways = []
     for before in (0, 1):
-        agent = VAD(network=policy)
+        agent = VAD(network=network)
         agent.reset(plan(*[RoadOption.STRAIGHT] * 3), 0)
         agent.act(observed(0, seed=before))
         agent.act(observed(10, seed=2))

@@ -10,15 +10,14 @@ training to draw anew (`failures`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.weights import locate
+from drive_robust_agents.training.candidates import WEIGHTS_SUFFIX, CandidateFactory, file_and_options
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import SHIPPED, TICK_CAP, ExpertEpisode, Teacher
 from drive_robust_agents.training.data.rollouts import DAGGER, KEEP_TICKS, Sample, is_kept, sample_branch
@@ -26,13 +25,11 @@ from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry.entries import configured
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 
-__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "file_and_options", "weights_digest"]
+__all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "weights_digest"]
 
-_WEIGHTS = ".safetensors"
 _TURN_TICKS = (20, 60)
 _STUCK_S = 15.0
 """Nothing new is learnt from a learner that has stood so long."""
@@ -59,16 +56,13 @@ class Mixture:
 
 def agent_of(mixture: Mixture) -> Agent:
     """Return a new agent. Raises `UsageError` where it does not load."""
-    registry = default_registry()
     driver, options = file_and_options(mixture.driver)
-    if driver.endswith(_WEIGHTS):
+    if driver.endswith(WEIGHTS_SUFFIX):
         file = Path(driver)
         if not file.is_file():
             raise UsageError(f"--dagger {mixture.driver}: there is no such weights file.")
-        loaded = registry.entry("agents", mixture.agent).load()
-        factory = cast("Callable[..., Agent]", configured(mixture.agent, loaded, options) if options else loaded)
-        return factory(weights=file)
-    return registry.agent(mixture.driver)
+        return CandidateFactory(mixture.agent, file, options)()
+    return default_registry().agent(mixture.driver)
 
 
 def weights_digest(mixture: Mixture) -> str | None:
@@ -78,17 +72,7 @@ def weights_digest(mixture: Mixture) -> str | None:
     `UsageError` for a file without a manifest.
     """
     driver, _ = file_and_options(mixture.driver)
-    return locate(mixture.agent, driver)[1].sha256 if driver.endswith(_WEIGHTS) else None
-
-
-def file_and_options(text: str) -> tuple[str, str]:
-    """Return (file, options of the agent) of a text such as `"tcp.safetensors+tuning=published"`.
-
-    >>> file_and_options("a+b/tcp.safetensors+tuning=published"), file_and_options("tcp.safetensors")
-    (('a+b/tcp.safetensors', 'tuning=published'), ('tcp.safetensors', ''))
-    """
-    file, found, options = text.rpartition(f"{_WEIGHTS}+")
-    return (file + _WEIGHTS, options) if found else (text, "")
+    return locate(mixture.agent, driver)[1].sha256 if driver.endswith(WEIGHTS_SUFFIX) else None
 
 
 def agent_turns(rng: np.random.Generator, ticks: int, beta: float) -> NDArray[np.bool_]:

@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from drive_robust_agents._wrappers.route_planner import MIN_M, MIN_SIMLINGO_M, RoutePlanner, Target
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.labels import ExpertMoment
 from drive_robust_agents.training.data.poses import FreeSpace
-from pytest_drive_robust import CameraSpec, Compass, Control, Gps, Imu, Observation, Speed
+from pytest_drive_robust import CameraSpec, Control, Gps, Observation
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.sensors import sensed
 
 __all__ = ["SHIPPED", "STUCK_S", "TICK_CAP", "ExpertEpisode", "Teacher", "faults", "seen_by_expert"]
 
@@ -105,21 +104,11 @@ class ExpertEpisode:
 
 def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
     """Return what the expert acts on; nothing is drawn for it."""
-    frame = simulator.frame
-    tick, ego = frame.tick, frame.ego
-    return Observation(
-        tick=tick,
-        gps=Gps(ego.x_m, ego.y_m, tick),
-        compass=Compass(float(np.remainder(ego.yaw_rad + np.pi / 2.0, 2.0 * np.pi)), tick),
-        imu=Imu(ego.forward_mps2, ego.right_mps2, ego.yaw_rate_radps, tick),
-        speed=Speed(ego.speed_mps, tick),
-        truth=simulator.truth(),
-    )
+    return sensed(simulator.frame, cameras={}, truth=simulator.truth())
 
 
 def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:
     """Return how many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
     state = simulator.world.state
-    events = state.events[: state.criteria_ints[c.CI_EVENTS], c.EV_KIND]
     outside = lanes and state.criteria[c.C_OUTSIDE_M] > 0.0
-    return int(np.count_nonzero(events != c.EVENT_SPEED)) + int(outside)
+    return state.infractions() + int(outside)

@@ -98,7 +98,7 @@ def _walker_m(here: ExpertMoment) -> float:
 
 def _junction_m(here: ExpertMoment) -> float:
     half, row = 0.5 * here.ego.length_m, here.intent.row
-    for first, last in here.intent.scene.boxes:
+    for first, last in here.intent.scene.junctions:
         if last > row - half:
             return float(np.clip(first - row - half, 0.0, LOOK_M))
     return LOOK_M

@@ -46,6 +46,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.jit.arrays import Ints
 
 __all__ = ["DONE", "Frames", "read_done", "shard_name", "shard_numbers", "write_shard"]
 
@@ -136,7 +137,7 @@ class Frames:
             column = column + np.int64(_EPISODES_PER_FOLDER) * places
         return column
 
-    def arrays(self, names: Sequence[str], rows: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+    def arrays(self, names: Sequence[str], rows: Ints) -> dict[str, NDArray[Any]]:
         """Return the rows of these numbers (in any order, also twice) of some arrays. Raises `UnknownNameError`."""
         rows = np.asarray(rows, dtype=np.int64)
         shards = np.searchsorted(self._starts, rows, side="right") - 1
@@ -152,7 +153,7 @@ class Frames:
             found[name] = out
         return found
 
-    def split(self, share: float = 0.05) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def split(self, share: float = 0.05) -> tuple[Ints, Ints]:
         """Return (training rows, validation rows): whole episodes, always the same; about `share` validate."""
         episodes = self.column("episode")
         numbers = np.unique(episodes)

@@ -16,16 +16,17 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._planning.intent import Intent
 from drive_robust_agents._planning.projection import nearest_ahead, project
+from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents._wrappers.route_planner import Target
 from pytest_drive_robust import Control
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, GroundTruth, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = [
     "BRANCH_TICKS", "FUTURE_TICKS", "LOOK_M", "ExpertMoment", "Row", "body_ahead", "gap_ahead", "motion_labels",
     "path_ahead", "to_ego", "way_labels",
 ]  # fmt: skip
 
-Floats = NDArray[np.float64]
 Row = Mapping[str, NDArray[Any]]
 """One sample: an array for each name."""
 
@@ -36,7 +37,6 @@ CONTROL_TICKS = (0, 10, 20, 30, 40)
 PATH_POINTS = 24
 LOOK_M = 100.0
 """Whatever is farther ahead than this is left out."""
-_DT_S = 0.05
 _BODY = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 
 
@@ -88,7 +88,7 @@ def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> 
     poses, ok = np.empty((len(FUTURE_TICKS), 4)), np.zeros(len(FUTURE_TICKS), dtype=bool)
     for k, tick in enumerate(FUTURE_TICKS):
         ok[k] = tick < len(frames)
-        later = frames[tick].ego if ok[k] else _goes_on(frames[-1].ego, (tick - len(frames) + 1) * _DT_S)
+        later = frames[tick].ego if ok[k] else _goes_on(frames[-1].ego, (tick - len(frames) + 1) * TICK_S)
         poses[k] = later.x_m, later.y_m, math.remainder(later.yaw_rad - ego.yaw_rad, math.tau), later.speed_mps
     poses[:, :2] = to_ego(ego, poses)
     told = [controls[min(tick, len(controls) - 1)] for tick in CONTROL_TICKS]

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drive_robust_agents._planning import mkz, plain_car
+from drive_robust_agents._vehicle import mkz, plain_car
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
-
-Floats = NDArray[np.float64]
 
 NOISY_SHARE = 0.4
 """The share of episodes that have bursts."""

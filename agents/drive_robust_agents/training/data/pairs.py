@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Ints
+
 __all__ = ["earlier_rows"]
 
 _DRIVEN = (0, 3)
 
 
-def earlier_rows(
-    episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any], *, lag_ticks: int = 10
-) -> NDArray[np.int64]:
+def earlier_rows(episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any], *, lag_ticks: int = 10) -> Ints:
     """Return for each of n frames the row of one `lag_ticks` before it in the same episode, or -1.
 
     All three are (n,). Only what was really driven (source 0 or 3) can be remembered. A frame from a shifted pose

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from drive_robust_agents.training.data.labels import ExpertMoment, to_ego
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, LightState, WorldState
+from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["BOXES", "LANES", "MapLines", "box_labels"]
-
-Floats = NDArray[np.float64]
 
 BOXES, BOX_TICKS = 24, (10, 20, 30, 40, 50, 60)
 LANES, LANE_POINTS = 12, 6
@@ -109,7 +108,7 @@ class MapLines:
             lanes[k], kinds[k] = points, kind
         return {"lanes": lanes, "lane_kind": kinds}
 
-    def _stop_lines(self, lights: NDArray[np.int64]) -> list[Floats]:
+    def _stop_lines(self, lights: Ints) -> list[Floats]:
         found = []
         for line in self._stops:
             if lights[line.index] in (LightState.RED, LightState.YELLOW, LightState.STOP_SIGN):

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["FreeSpace", "Pose", "draw_pose"]
-
-Floats = NDArray[np.float64]
 
 LATERAL_M, YAW_RAD, SPEED_MPS = (0.3, 1.5), math.radians(15.0), 3.0
 _ASIDE_MPS = 2.5

@@ -17,7 +17,7 @@ from pytest_drive_robust.domain.truth import LightState
 
 __all__ = ["action_of", "commentary", "hindrances", "turn_ahead_rad"]
 
-Floats = NDArray[np.floating]
+Numbers = NDArray[np.floating]
 
 STANDS_MPS, CHANGE_MPS = 0.4, 0.8
 _LATER = 7
@@ -27,7 +27,7 @@ _CURVE_RAD = math.radians(25.0)
 _LIGHTS = {LightState.RED: Reason.RED, LightState.YELLOW: Reason.YELLOW, LightState.STOP_SIGN: Reason.SIGN}
 
 
-def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Floats, path: Floats) -> Commentary:
+def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Numbers, path: Numbers) -> Commentary:
     """Return one sentence for a sample.
 
     `facts` are those of `training.data.facts.FACTS` by name, `speeds` (n,) the expert's in m/s every 0.25 s from now,
@@ -45,7 +45,7 @@ def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Floats, pat
     return Commentary(action, Reason.FOLLOW if follows else Reason.CLEAR)
 
 
-def action_of(speed_mps: float, speeds: Floats) -> Action:
+def action_of(speed_mps: float, speeds: Numbers) -> Action:
     """Name what a driver does who has this speed now and these speeds next."""
     if speed_mps < STANDS_MPS:
         return Action.REMAIN if float(np.max(speeds)) < STANDS_MPS else Action.GO
@@ -74,14 +74,14 @@ def hindrances(facts: Mapping[str, float], speed_mps: float) -> list[tuple[float
     return sorted(found, key=lambda hindrance: hindrance[0])
 
 
-def turn_ahead_rad(path: Floats) -> float:
+def turn_ahead_rad(path: Numbers) -> float:
     """Return how much a path (n, 2) turns from its beginning to its end."""
     steps = np.diff(np.asarray(path, dtype=np.float64), axis=0)
     angles = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     return float(np.max(np.abs(angles - angles[0])))
 
 
-def _why_slower(facts: Mapping[str, float], speed_mps: float, path: Floats, *, stands: bool) -> Reason:
+def _why_slower(facts: Mapping[str, float], speed_mps: float, path: Numbers, *, stands: bool) -> Reason:
     if facts["waiting"] > 0.5:
         return Reason.GAP
     if facts["siren"] > 0.5:

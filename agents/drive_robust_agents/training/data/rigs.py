@@ -1,7 +1,4 @@
-"""What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors.
-
-It stands here and not in the agents' own modules because processes that collect data do not import torch.
-"""
+"""What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors."""
 
 from __future__ import annotations
 
@@ -9,7 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from pytest_drive_robust import CameraSpec, rig
+from drive_robust_agents import simlingo, tcp
+from drive_robust_agents._wrappers import bev_agent
+from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = ["TRAINING_RIGS", "TrainingRig", "agent_rig"]
@@ -23,14 +22,12 @@ class TrainingRig:
     perception: bool
 
 
-_AROUND = rig("nuscenes", width_px=160, height_px=96)
-
 TRAINING_RIGS: Mapping[str, TrainingRig] = MappingProxyType(
     {
-        "simlingo": TrainingRig(rig("simlingo", width_px=256, height_px=128), perception=False),
-        "tcp": TrainingRig(rig("tcp", width_px=160, height_px=96), perception=False),
-        "uniad": TrainingRig(_AROUND, perception=True),
-        "vad": TrainingRig(_AROUND, perception=True),
+        "simlingo": TrainingRig(simlingo.CAMERAS, perception=False),
+        "tcp": TrainingRig(tcp.CAMERAS, perception=False),
+        "uniad": TrainingRig(bev_agent.CAMERAS, perception=True),
+        "vad": TrainingRig(bev_agent.CAMERAS, perception=True),
     }
 )
 """The rig of each agent by its name."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.expert_episode import (
@@ -153,5 +154,5 @@ def _last_good_tick(episode: ExpertEpisode) -> int:
     tick = episode.simulator.frame.tick
     if faults(episode.simulator) == 0 and episode.simulator.done is End.COMPLETED:
         return tick
-    stood = round(STUCK_S / 0.05) if episode.simulator.done in (End.STUCK, End.BLOCKED) else 0
+    stood = round(STUCK_S / TICK_S) if episode.simulator.done in (End.STUCK, End.BLOCKED) else 0
     return tick - stood - BRANCH_TICKS - 1

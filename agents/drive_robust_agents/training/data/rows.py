@@ -16,6 +16,7 @@ from drive_robust_agents.training.data.rollouts import Sample
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import LaneMap, WorldState
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 
 __all__ = ["RigCameras", "rows"]
@@ -30,9 +31,7 @@ class RigCameras:
     So moments can be drawn in any order, and only those that are kept. `way` is the (n, 4) route of the ground truth.
     """
 
-    def __init__(
-        self, lane_map: LaneMap, route: Route, way: NDArray[np.float64], cameras: Sequence[CameraSpec]
-    ) -> None:
+    def __init__(self, lane_map: LaneMap, route: Route, way: Floats, cameras: Sequence[CameraSpec]) -> None:
         self._rig = CameraRig(lane_map, route.weather, cameras, around=way[:, :2])
 
     def look(self, frame: WorldState) -> dict[str, NDArray[Any]]:

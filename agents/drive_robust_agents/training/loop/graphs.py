@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import dataclasses
 import hashlib
-import json
 import tempfile
 import warnings
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from torch import Tensor, nn
 
 from drive_robust_agents._nets import require
 from drive_robust_agents._nets.manifest import GraphFile, WeightsEntry
+from drive_robust_agents._nets.weights import header_of
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = ["write_graphs"]
@@ -41,9 +41,7 @@ def write_graphs(net: nn.Module, path: Path, content: bytes, entry: WeightsEntry
     """
     require("onnx", extra="train")
     plain = _distinct(net)
-    length = int.from_bytes(content[:8], "little")
-    header = json.loads(content[8 : 8 + length])
-    begin = 8 + length
+    begin, header = header_of(content)
     places = {name: (begin, facts) for name, facts in header.items() if name != "__metadata__"}
     files = {}
     for method, example in _examples(plain).items():

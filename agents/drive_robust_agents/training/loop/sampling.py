@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Floats, Ints
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 __all__ = ["NEEDS", "bucket_weights", "draw_epoch", "level_types"]
-
-Floats = NDArray[np.float64]
 
 NEEDS = ("command", "controls", "future", "speed", "tag")
 """The columns of a sample that its weight depends on."""
@@ -64,7 +64,7 @@ def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -
     return leveled
 
 
-def draw_epoch(weights: Floats, generator: np.random.Generator) -> NDArray[np.int64]:
+def draw_epoch(weights: Floats, generator: np.random.Generator) -> Ints:
     """Return (n,) row numbers in random order: each row comes `n * weight` times, rounded up or down by chance."""
     count = len(weights)
     edges = np.cumsum(weights) * count / weights.sum()

@@ -18,9 +18,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust.jit.arrays import Pixels
+
 __all__ = ["occlude", "photometric_gridmask", "simlingo_mild", "tcp_hard"]
 
-Pixels = NDArray[np.uint8]
 Matrix = NDArray[np.float64]
 
 _GREY = np.array([0.299, 0.587, 0.114])

@@ -12,11 +12,12 @@ from torch.nn import functional
 
 from pytest_drive_robust.domain.truth import ActorKind
 
-__all__ = ["CHANNELS", "dense_loss", "dense_targets"]
+__all__ = ["CHANNELS", "LINE_KINDS", "dense_loss", "dense_targets"]
 
 CHANNELS = ("vehicle", "other", "route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
+LINE_KINDS = len(CHANNELS) - 2
+"""How many values `lane_kind` has but for none; the first two channels are bodies."""
 _BODY_SHARE, _LINE_SHARE = 0.3, 0.55
-_KINDS = 6
 
 
 def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor, sizes: Tensor) -> Tensor:
@@ -30,7 +31,7 @@ def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor
     vehicle = (boxes[..., 7] <= ActorKind.EMERGENCY)[..., None]
     bodies = [(inside & vehicle).any(1), (inside & ~vehicle).any(1)]
     near = _distance(lanes, cells) < _LINE_SHARE * size
-    lines = [(near & (lane_kind == kind)[..., None]).any(1) for kind in range(_KINDS)]
+    lines = [(near & (lane_kind == kind)[..., None]).any(1) for kind in range(LINE_KINDS)]
     return torch.stack(bodies + lines, dim=1).float()
 
 

@@ -12,14 +12,12 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._nets.prompts import PHRASES, THINGS, Instruction, Kind
 from drive_robust_agents.training.data.reasons import hindrances
+from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Dream", "DreamStart", "applicable", "draw_instruction", "dream", "is_safe"]
-
-Floats = NDArray[np.float64]
 
 PATH_POINTS, WAYPOINTS, STEP_S = 20, 10, 0.25
 _TIMES_S = STEP_S * np.arange(WAYPOINTS + 1)

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents.training.recipes.augment import occlude
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["MOST_HIDDEN", "gps_errors", "hang", "late", "misread", "muddy"]
 
-Floats = NDArray[np.float32]
-Pixels = NDArray[np.uint8]
+Floats32 = NDArray[np.float32]
 
 MOST_HIDDEN = 0.85
 """The largest share of either side of an image that is hidden; the paper hides up to 0.8."""
@@ -27,14 +27,14 @@ _HANGS = 0.4
 """So many cameras of a row that suffers repeat an old picture: about as many as in bursts of 3 s."""
 
 
-def gps_errors(rows: int, generator: np.random.Generator) -> NDArray[np.float64]:
+def gps_errors(rows: int, generator: np.random.Generator) -> Floats:
     """Return (rows, 2) metres by which positions are off: 0 to 15 m of deviation, the same in both directions."""
     deviation = generator.uniform(0.0, _MOST_GPS_M, (rows, 1)) * (generator.random((rows, 1)) < _SHARE)
-    errors: NDArray[np.float64] = deviation * generator.standard_normal((rows, 2))
+    errors: Floats = deviation * generator.standard_normal((rows, 2))
     return errors
 
 
-def misread(speed: Floats, generator: np.random.Generator) -> Floats:
+def misread(speed: Floats32, generator: np.random.Generator) -> Floats32:
     """Return what the speedometer says: for some rows a fraction of the truth, around 0.2 to 1, and some noise.
 
     Speeds are (N,), or (ticks, N): the fraction belongs to the row, the noise to the reading.
@@ -63,20 +63,20 @@ def hang(images: Pixels, old_images: Pixels, known: NDArray[np.bool_], generator
     images[hung] = old_images[hung]
 
 
-def late(future: Floats, generator: np.random.Generator) -> Floats:
+def late(future: Floats32, generator: np.random.Generator) -> Floats32:
     """Return the expert's drive (N, 12, 4) as it looks from where some cars will be when a late control arrives.
 
     The delay is one or two columns (0.25 or 0.5 s); positions and yaw are those of the car then. The last columns,
     which nobody drove, repeat the last step.
     """
-    shifted: Floats = future.copy()
+    shifted: Floats32 = future.copy()
     rows = np.nonzero(generator.random(len(future)) < _SHARE)[0]
     for row, delay in zip(rows, generator.integers(1, 3, len(rows)), strict=True):
         shifted[row] = _seen_later(future[row], int(delay))
     return shifted
 
 
-def _seen_later(future: Floats, delay: int) -> Floats:
+def _seen_later(future: Floats32, delay: int) -> Floats32:
     """Return (12, 4): the drive from the pose in column `delay - 1`, in that pose's frame."""
     x, y, yaw, _ = future[delay - 1]
     ahead = np.concatenate([future[delay:], np.repeat(future[-1:], delay, axis=0)])
@@ -84,5 +84,5 @@ def _seen_later(future: Floats, delay: int) -> Floats:
     away = ahead[:, :2] - (x, y)
     cos, sin = np.cos(yaw), np.sin(yaw)
     turned = (cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0])
-    seen: Floats = np.stack([*turned, ahead[:, 2] - yaw, ahead[:, 3]], axis=1).astype(np.float32)
+    seen: Floats32 = np.stack([*turned, ahead[:, 2] - yaw, ahead[:, 3]], axis=1).astype(np.float32)
     return seen

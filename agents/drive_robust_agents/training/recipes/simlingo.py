@@ -29,6 +29,7 @@ from drive_robust_agents._nets.prompts import (
 )  # fmt: skip
 from drive_robust_agents._nets.simlingo import Driving, SimLingoNet, SimLingoSpec
 from drive_robust_agents._nets.words import PAD
+from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.reasons import commentary
 from drive_robust_agents.training.data.rigs import agent_rig
@@ -52,7 +53,7 @@ if TYPE_CHECKING:
 
 __all__ = ["SimLingoRecipe", "TalkPrompt", "talk"]
 
-Floats = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 
 MIX = {"comment": 0.24, "given": 0.06, "follow": 0.42, "safety": 0.2, "command": 0.08}
 """Kinds of the second prompt. As published, a fifth of the commentary is given in the prompt, four are to be said."""
@@ -64,7 +65,7 @@ _BETA_M = 0.25
 _GAIN = 0.014
 """How much the agent's position filter believes a GPS fix, once settled (`_wrappers.kalman`)."""
 _NOISE_LEFT = (_GAIN / (2.0 - _GAIN)) ** 0.5
-_LAG_S = 0.05 / _GAIN
+_LAG_S = TICK_S / _GAIN
 """What the filter leaves of a deviation of the GPS, and by how many seconds a misread speed keeps its position back."""
 
 _prompt = lru_cache(maxsize=65536)(prompt_row)
@@ -199,7 +200,7 @@ def talk(
     return TalkPrompt(prompt, None if silent else FOLLOWING, dream(told, moment))
 
 
-def _sensed(speed: Floats, target: Floats, generator: np.random.Generator) -> tuple[Floats, Floats]:
+def _sensed(speed: Floats32, target: Floats32, generator: np.random.Generator) -> tuple[Floats32, Floats32]:
     """Return speeds (N,) and target points (N, 2, 2) as a failing speedometer and a filtered, failing GPS give them."""
     reads = misread(speed, generator)
     off = _NOISE_LEFT * gps_errors(len(speed), generator)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 __all__ = ["TcpRecipe", "beta_nll"]
 
-Floats = NDArray[np.float32]
+Floats32 = NDArray[np.float32]
 
 _PICTURES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 _HALF_SECONDS = (1, 3, 5, 7)
@@ -107,17 +107,17 @@ def beta_nll(alpha: Tensor, beta: Tensor, value: Tensor) -> Tensor:
     return constant - (alpha - 1.0) * value.log() - (beta - 1.0) * (1.0 - value).log()
 
 
-def _actions(controls: NDArray[Any]) -> Floats:
+def _actions(controls: NDArray[Any]) -> Floats32:
     """Return (N, 5, 3) throttle, steering, brake -> (N, 5, 2) steering and acceleration, 0 to 1, away from the ends."""
     controls = controls.astype(np.float32)
     signed = np.stack([controls[..., 1], controls[..., 0] - controls[..., 2]], axis=-1)
-    actions: Floats = np.clip(0.5 * (signed + 1.0), _EDGE, 1.0 - _EDGE)
+    actions: Floats32 = np.clip(0.5 * (signed + 1.0), _EDGE, 1.0 - _EDGE)
     return actions
 
 
-def _freedom(gap: NDArray[Any], speed: Floats) -> Floats:
+def _freedom(gap: NDArray[Any], speed: Floats32) -> Floats32:
     """Return (N,) 0 to 1: how much of the way that this speed wants is free, for the expert's value function."""
     distance, other = gap[:, 0].astype(np.float32), gap[:, 1].astype(np.float32)
     wanted = _FREE_M + _FREE_S * speed + np.maximum(speed - other, 0.0) ** 2 / 8.0
-    free: Floats = 1.0 - np.exp(-np.maximum(distance, 0.0) / wanted)
+    free: Floats32 = 1.0 - np.exp(-np.maximum(distance, 0.0) / wanted)
     return free

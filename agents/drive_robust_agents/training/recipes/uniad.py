@@ -19,7 +19,7 @@ from drive_robust_agents._nets.uniad import Perceived, UniadNet, UniadSpec, move
 from drive_robust_agents._nets.uniad_heads import PriorAgents
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
-from drive_robust_agents.training.recipes.dense import dense_loss
+from drive_robust_agents.training.recipes.dense import LINE_KINDS, dense_loss
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 from drive_robust_agents.training.recipes.uniad_losses import (
     collision_loss,
@@ -31,7 +31,6 @@ from drive_robust_agents.training.recipes.uniad_losses import (
     pairs_table,
 )
 from drive_robust_agents.training.recipes.uniad_targets import (
-    LINE_KINDS,
     cells_of,
     draw,
     from_above,

@@ -11,11 +11,10 @@ from torch import Tensor
 
 from drive_robust_agents._nets.bev import columns_of, rows_of
 from drive_robust_agents._nets.bev_grid import BevSpec
-from drive_robust_agents.training.recipes.dense import CHANNELS
+from drive_robust_agents.training.recipes.dense import LINE_KINDS
 from pytest_drive_robust.domain.truth import ActorKind
 
 __all__ = [
-    "LINE_KINDS",
     "cells_of",
     "draw",
     "from_above",
@@ -25,9 +24,6 @@ __all__ = [
     "on_lines",
     "own_way",
 ]
-
-LINE_KINDS = len(CHANNELS) - 2
-"""How many values `lane_kind` has but for none."""
 
 _ALONG, _ASIDE = 13, 4
 _DOTS = 24

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.arithmetic.scalars import cos, power, sin, tan
 from pytest_drive_robust.domain.route import Weather
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Triple
 
 Colour = tuple[float, float, float]
 
@@ -26,7 +26,8 @@ class Air(NamedTuple):
     """Light and visibility. Colours are RGB 0..255, `light` is RGB factors.
 
     A surface of colour c whose normal is n shows c * light * (ambient + diffuse * max(0, n . sun)); the share
-    1 - exp(-haze_per_m * depth) of it is replaced by `haze`. `night` is 0 by day and 1 when lamps are needed,
+    1 - exp(-haze_per_m * depth) of it is replaced by `haze`. `sun` is the direction to the light (east, south, up; a
+    unit vector), which never comes from below 15 degrees. `night` is 0 by day and 1 when lamps are needed,
     `rain` 0..1, `shadow` the factor of the ground below a vehicle.
 
     `mirror` 0..1 says how wet the ground is and `sheen` what it mirrors at flat angles. `disc` is the direction to the
@@ -37,7 +38,7 @@ class Air(NamedTuple):
     sky_top: Colour
     haze: Colour
     light: Colour
-    sun: Colour
+    sun: Triple
     ambient: float
     diffuse: float
     haze_per_m: float
@@ -46,7 +47,7 @@ class Air(NamedTuple):
     rain: float
     mirror: float
     sheen: Colour
-    disc: Colour
+    disc: Triple
     glare: float
     cast: tuple[float, float]
     drops: float
@@ -134,7 +135,7 @@ def _cast(weather: Weather, direct: float) -> tuple[float, float]:
     return -run * cos(around), -run * sin(around)
 
 
-def _direction(around_deg: float, height_deg: float) -> Colour:
+def _direction(around_deg: float, height_deg: float) -> Triple:
     around, height = math.radians(around_deg), math.radians(height_deg)
     return cos(height) * cos(around), cos(height) * sin(around), sin(height)
 

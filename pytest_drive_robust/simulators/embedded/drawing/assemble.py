@@ -1,16 +1,18 @@
-"""Turns the actors of a frame into boxes."""
+"""Turns actors into boxes."""
 
 from __future__ import annotations
 
 from pytest_drive_robust.arithmetic.compiled import cos, sin
-from pytest_drive_robust.domain.truth import ActorState
+from pytest_drive_robust.domain.truth import ActorState, WorldState
 from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints1, Ints2
 from pytest_drive_robust.jit.kernels import entry, inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
+from pytest_drive_robust.simulators.embedded.drawing import looks as part
 from pytest_drive_robust.simulators.embedded.drawing.looks import Role, paint_index
 
-_ID, _KIND, _X, _Y, _YAW, _SPEED, _LENGTH, _WIDTH, _HEIGHT, _STATE = range(10)
-"""The columns of `WorldState.actors`."""
+_ID, _KIND, _STATE = WorldState.ID, WorldState.KIND, WorldState.STATE
+_X, _Y, _YAW, _SPEED = WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED
+_LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
 _BRAKING, _SIREN = int(ActorState.BRAKING), int(ActorState.SIREN)
 _LEFT, _RIGHT = int(ActorState.INDICATOR_LEFT), int(ActorState.INDICATOR_RIGHT)
 _BODY, _BRAKE_LAMP, _HEADLAMP = int(Role.BODY), int(Role.BRAKE_LAMP), int(Role.HEADLAMP)
@@ -36,8 +38,8 @@ def assemble(
     parts: Floats2,
     spans: Ints2,
     paints: Floats2,
-) -> int:
-    """Write the boxes of `actors` (k, 10) to `rows` from row `first` on; return the row after the last one.
+) -> None:
+    """Write the boxes of `actors` (k, 10) to `rows` from row `first` on.
 
     Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
     from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest span times k, `ends` for
@@ -54,39 +56,38 @@ def assemble(
                     _place(rows, at, actors, k, tick, parts, p, c, s)
                     at += 1
         ends[k + 1] = at
-    return at
 
 
 @inner
 def _place(rows: Floats, at: int, actors: Floats, k: int, tick: int, parts: Floats, p: int, c: float, s: float) -> None:
     length, width, height = actors[k, _LENGTH], actors[k, _WIDTH], actors[k, _HEIGHT]
-    forward, right = parts[p, 0] * length, parts[p, 1] * width
-    role = int(parts[p, 9])
-    if role >= _LEFT_LEG and actors[k, _SPEED] > 0.05:
+    forward, right = parts[p, part.X] * length, parts[p, part.Y] * width
+    role = int(parts[p, part.ROLE])
+    if role in (_LEFT_LEG, _RIGHT_LEG) and actors[k, _SPEED] > 0.05:
         swing = sin(tick * _STRIDE_RAD_PER_TICK + actors[k, _ID]) * 0.22 * min(length, 0.6)
         forward += swing if role == _LEFT_LEG else -swing
     rows[at, box.X] = actors[k, _X] + c * forward - s * right
     rows[at, box.Y] = actors[k, _Y] + s * forward + c * right
-    rows[at, box.Z] = parts[p, 2] * height
+    rows[at, box.Z] = parts[p, part.Z] * height
     rows[at, box.COS], rows[at, box.SIN] = c, s
-    rows[at, box.ALONG] = parts[p, 3] * length
-    rows[at, box.WIDE] = parts[p, 4] * width
-    rows[at, box.HIGH] = parts[p, 5] * height
-    rows[at, box.FRONT] = parts[p, 10] * parts[p, 3] * length
-    rows[at, box.REAR] = parts[p, 11] * parts[p, 3] * length
-    rows[at, box.SIDES] = parts[p, 12] * parts[p, 4] * width
-    rows[at, box.MATERIAL] = parts[p, 13]
+    rows[at, box.ALONG] = parts[p, part.LENGTH] * length
+    rows[at, box.WIDE] = parts[p, part.WIDTH] * width
+    rows[at, box.HIGH] = parts[p, part.HEIGHT] * height
+    rows[at, box.FRONT] = parts[p, part.FRONT] * parts[p, part.LENGTH] * length
+    rows[at, box.REAR] = parts[p, part.REAR] * parts[p, part.LENGTH] * length
+    rows[at, box.SIDES] = parts[p, part.SIDES] * parts[p, part.WIDTH] * width
+    rows[at, box.MATERIAL] = parts[p, part.MATERIAL]
     rows[at, box.SEED] = rows[at, box.INSTANCE] = actors[k, _ID]
-    rows[at, box.REACH] = parts[p, 14]
+    rows[at, box.REACH] = parts[p, part.REACH]
 
 
 @inner
 def _set_colour(
     rows: Floats, at: int, actors: Floats, k: int, tick: int, night: float, parts: Floats, p: int, paints: Floats
 ) -> bool:
-    """Return the colour and glow of a part; False when the part is not to be seen now."""
-    state, role = int(actors[k, _STATE]), int(parts[p, 9])
-    red, green, blue, glow = parts[p, 6], parts[p, 7], parts[p, 8], 0.0
+    """Set the colour and glow of a part; return False when the part is not to be seen now."""
+    state, role = int(actors[k, _STATE]), int(parts[p, part.ROLE])
+    red, green, blue, glow = parts[p, part.RED], parts[p, part.GREEN], parts[p, part.BLUE], 0.0
     if role == _BODY:
         paint = _paint_index(int(actors[k, _ID]))
         red, green, blue = paints[paint, 0], paints[paint, 1], paints[paint, 2]

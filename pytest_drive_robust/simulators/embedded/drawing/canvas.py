@@ -13,6 +13,9 @@ from pytest_drive_robust.arithmetic.scalars import cos_sin, tan
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.jit.arrays import Bytes3, Floats1, Floats2, Ints1, Ints2, Packed1, Packed2
 
+Triple = tuple[float, float, float]
+"""A colour, or a place or direction."""
+
 ACROSS, DOWN, OFFSET, FARTHEST, NEAREST, BOX, SIDE, PACKED, RED, GREEN, BLUE, GLOW = range(12)
 LIGHT, EXTRA, PATTERN, ALONG_RIGHT, ALONG_UP, ALONG_FORWARD, START_M, DISTANCE_M = range(12, 20)
 FACE_COLUMNS = 20
@@ -83,9 +86,7 @@ class Canvas(NamedTuple):
 
 
 class CameraView(NamedTuple):
-    """A camera in the world: metres, radians (yaw clockwise from east, pitch up), focal length in pixels.
-
-    Sines and cosines are kept beside the angles: the kernels need them for every corner.
+    """A camera in the world: metres, cosines and sines of its yaw (clockwise from east) and pitch (up), focal length.
 
     A point `forward`, `right`, `up` of the camera is seen at u = width / 2 + focal * right / forward and
     v = height / 2 - focal * up / forward; the centre of pixel (row, column) is (column + 0.5, row + 0.5).
@@ -94,8 +95,6 @@ class CameraView(NamedTuple):
     x_m: float
     y_m: float
     z_m: float
-    yaw_rad: float
-    pitch_rad: float
     focal_px: float
     cos_yaw: float
     sin_yaw: float
@@ -106,15 +105,12 @@ class CameraView(NamedTuple):
     def of(cls, camera: CameraSpec, x_m: float, y_m: float, yaw_rad: float) -> CameraView:
         """Return the view of `camera` on a vehicle whose centre is at (x, y) with this yaw; never below the ground."""
         c, s = cos_sin(yaw_rad)
-        turned, pitch, focal_px, cos_pitch, sin_pitch = _mount(camera)
-        yaw = yaw_rad + turned
-        cos_yaw, sin_yaw = cos_sin(yaw) if turned != 0.0 else (c, s)
+        turned, focal_px, cos_pitch, sin_pitch = _mount(camera)
+        cos_yaw, sin_yaw = cos_sin(yaw_rad + turned) if turned != 0.0 else (c, s)
         return cls(
             x_m + c * camera.x_m - s * camera.y_m,
             y_m + s * camera.x_m + c * camera.y_m,
             max(float(camera.z_m), _LOWEST_M),
-            yaw,
-            pitch,
             focal_px,
             cos_yaw,
             sin_yaw,
@@ -124,11 +120,10 @@ class CameraView(NamedTuple):
 
 
 @functools.lru_cache(maxsize=64)  # asked for in every frame
-def _mount(camera: CameraSpec) -> tuple[float, float, float, float, float]:
-    """Return what all views of a camera share: yaw and pitch, the focal length, cosine and sine of the pitch."""
-    pitch = math.radians(camera.pitch_deg)
+def _mount(camera: CameraSpec) -> tuple[float, float, float, float]:
+    """Return what all views of a camera share: its yaw, the focal length, cosine and sine of its pitch."""
     focal_px = camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0)
-    return math.radians(camera.yaw_deg), pitch, focal_px, *cos_sin(pitch)
+    return math.radians(camera.yaw_deg), focal_px, *cos_sin(math.radians(camera.pitch_deg))
 
 
 class Headlamps(NamedTuple):

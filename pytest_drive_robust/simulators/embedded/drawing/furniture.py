@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic.scalars import cos, sin
 from pytest_drive_robust.domain.truth import LaneMap, LightState, StopLine
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded.drawing.boxes import BLUE, GLOW, RED, Box, Material, box_rows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import lamp_boxes, lamp_places
 
@@ -51,9 +50,9 @@ class Furniture:
     """
 
     rows: Floats
-    lamp_rows: NDArray[np.int64]
-    lamp_lines: NDArray[np.int64]
-    lamp_states: NDArray[np.int64]
+    lamp_rows: Ints
+    lamp_lines: Ints
+    lamp_states: Ints
     lit: Floats
     dim: Floats
     street_lamps: Floats
@@ -78,7 +77,7 @@ class Furniture:
         boxes += lamp_boxes(places, night=night)
         return cls(box_rows(boxes), rows, lines, states, lit, lit * _DIM, places)
 
-    def show(self, rows: Floats, lights: NDArray[np.int64]) -> None:
+    def show(self, rows: Floats, lights: Ints) -> None:
         """Set the colours of the lamps in `rows`, a copy of `self.rows`, to the states `lights` of the stop lines."""
         if len(self.lamp_rows):
             shines = lights[self.lamp_lines] == self.lamp_states

@@ -15,11 +15,9 @@ from numpy.typing import NDArray
 from pytest_drive_robust.arithmetic import compiled, scalars
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.simulators.embedded.drawing import texture
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
-from pytest_drive_robust.simulators.embedded.drawing.texture import FAR_TEXEL
-
-Triple = tuple[float, float, float]
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps, Triple
 
 DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5
 _MOST_LINES = 4
@@ -31,10 +29,11 @@ _255 = np.float32(255.0)
 _MIRROR = 0.75
 Walk = tuple[int, int, int, int, int, int, int]
 _FRACTION_BITS = 20
-_WIDE = 2
+_WIDE = texture.NEAR_LEVELS
+"""The finest level that covers the wide region."""
 _RED_BLUE_GREEN = np.uint64(0x00FF00FF00FF)
 _ONE, _FOUR, _EIGHT, _TWENTYFOUR = (np.uint64(number) for number in (1, 4, 8, 24))
-_OUTSIDE = np.uint64((FAR_TEXEL | (FAR_TEXEL << 24)) & 0x00FF00FF00FF)
+_OUTSIDE = np.uint64((texture.FAR_TEXEL | (texture.FAR_TEXEL << 24)) & 0x00FF00FF00FF)
 
 
 def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
@@ -54,9 +53,9 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
         across_m = depth / view.focal_px
         along_m = across_m * depth / view.z_m
         lines = min(int(along_m / across_m / 3.0) + 1, _MOST_LINES)
-        footprint = max(across_m, along_m / lines / 2.5) / levels[0, 5]
+        footprint = max(across_m, along_m / lines / 2.5) / levels[0, texture.TEXEL_M]
         level = min(math.floor(scalars.log(max(footprint, 1.0)) / scalars.log(2.0) + 0.35), len(levels) - 1)
-        lines = min(lines, math.ceil(along_m / (1.5 * levels[level, 5])))
+        lines = min(lines, math.ceil(along_m / (1.5 * levels[level, texture.TEXEL_M])))
         clear = scalars.exp(-haze_per_m * depth)
         rows[row, :LINE] = depth, depth * (view.cos_pitch - up * view.sin_pitch), lines, level, clear
         for line in range(lines):
@@ -240,16 +239,16 @@ def _walks(
 @inner
 def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
     """Return a walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
-    scale = (1 << _FRACTION_BITS) / levels[level, 5]
+    scale = (1 << _FRACTION_BITS) / levels[level, texture.TEXEL_M]
     half = 1 << (_FRACTION_BITS - 1)
     return (
-        int((x - levels[level, 3]) * scale) - half,
-        int((y - levels[level, 4]) * scale) - half,
+        int((x - levels[level, texture.CORNER_X]) * scale) - half,
+        int((y - levels[level, texture.CORNER_Y]) * scale) - half,
         int(dx * scale),
         int(dy * scale),
-        int(levels[level, 1]),
-        int(levels[level, 2]),
-        int(levels[level, 0]),
+        int(levels[level, texture.COLUMNS]),
+        int(levels[level, texture.ROWS]),
+        int(levels[level, texture.FIRST]),
     )
 
 

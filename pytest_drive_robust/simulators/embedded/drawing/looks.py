@@ -7,10 +7,9 @@ from enum import IntEnum
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import ActorKind
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Material
 
 Colour = tuple[float, float, float]
@@ -221,12 +220,13 @@ LOOKS: dict[ActorKind, list[Part]] = {
 """The parts of every kind."""
 
 
-@cache
-def part_rows() -> tuple[Floats, NDArray[np.int64]]:
-    """Return all parts as (n, 15), and for each kind its first row and the row after its last, (k, 2).
+X, Y, Z, LENGTH, WIDTH, HEIGHT, RED, GREEN, BLUE, ROLE, FRONT, REAR, SIDES, MATERIAL, REACH = range(15)
+"""The columns of `part_rows`: the fields of `Part` in their order, a colour as three."""
 
-    Columns: x, y, z, length, width, height, red, green, blue, role, front, rear, sides, material, reach.
-    """
+
+@cache
+def part_rows() -> tuple[Floats, Ints]:
+    """Return all parts as (n, 15), and for each kind its first row and the row after its last, (k, 2)."""
     rows: list[tuple[float, ...]] = []
     spans = np.zeros((len(ActorKind), 2), np.int64)
     for kind, parts in LOOKS.items():

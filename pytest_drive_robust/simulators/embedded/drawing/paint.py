@@ -167,7 +167,7 @@ def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> No
     total = float(along[-1])
     period, dash = (_DASH_M + _GAP_M, _DASH_M) if striped else (total + 1.0, total)
     for start in np.arange(0.0, total, period):
-        stations = _stations(along, float(start), min(float(start) + dash, total))
+        stations = _stations(float(start), min(float(start) + dash, total))
         x, y = interpolate(stations, along, points[:, 0]), interpolate(stations, along, points[:, 1])
         for row in range(len(stations) - 1):
             length = scalars.hypot(x[row + 1] - x[row], y[row + 1] - y[row])
@@ -176,7 +176,7 @@ def _line(target: Bytes, region: Region, points: Floats, *, striped: bool) -> No
             _quad(target, region, rectangle(*middle, yaw, length + 0.02, _LINE_WIDTH_M))
 
 
-def _stations(along: Floats, start_m: float, end_m: float) -> Floats:
+def _stations(start_m: float, end_m: float) -> Floats:
     """Return stations from `start_m` to `end_m`, at most about 2 m apart."""
     stations: Floats = np.linspace(start_m, end_m, max(2, math.ceil((end_m - start_m) / 2.0) + 1))
     return stations

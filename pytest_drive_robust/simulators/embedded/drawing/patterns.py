@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pytest_drive_robust.jit.arrays import Packed
 from pytest_drive_robust.jit.kernels import inner
+from pytest_drive_robust.simulators.embedded.drawing.canvas import Triple
 
-Triple = tuple[float, float, float]
 Pair = tuple[float, float]
 Place = tuple[float, float, float, float, float]
 

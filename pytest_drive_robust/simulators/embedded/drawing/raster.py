@@ -10,16 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
-
-Triple = tuple[float, float, float]
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Triple
 
 _SMALLEST_PX = 0.75
 _X, _Y, _LENGTH, _WIDTH, _HEIGHT = WorldState.X, WorldState.Y, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
@@ -34,10 +31,8 @@ _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4,
 
 
 @inner
-def draw_faces(
-    canvas: Canvas, rows: Floats, still: int, ends: NDArray[np.int64], actors: Floats, view: CameraView
-) -> int:
-    """Draw boxes into `canvas.faces` and `canvas.nearness`; return how many rows of `canvas.table` are in use.
+def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Floats, view: CameraView) -> None:
+    """Draw boxes into `canvas.faces` and `canvas.nearness`, with a row of `canvas.table` for each face.
 
     `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
     `ends[k + 1]`. What is near is drawn first, so that most of what it hides is never filled; the parts of an actor
@@ -53,7 +48,6 @@ def draw_faces(
         k = order[place] - still
         for row in range(ends[k], ends[k + 1]):
             used = _draw_box(canvas, used, row, rows[row], corners, seen, cut, view)
-    return used
 
 
 @inner

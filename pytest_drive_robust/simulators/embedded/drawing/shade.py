@@ -13,7 +13,7 @@ from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps, Triple
 from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     FLOOR_M,
     SILL_M,
@@ -24,7 +24,6 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
     stripes,
 )
 
-Triple = tuple[float, float, float]
 Lens = tuple[float, float, float, float, float, float, float]
 
 CLEAR_STEPS_PER_M = 4
@@ -46,8 +45,8 @@ def draw_pixels(
 ) -> None:
     """Fill `canvas.colours` wherever a face is seen.
 
-    `rows` are the boxes, `clear` (n,) is the share of a surface's colour that
-    survives the air, by `CLEAR_STEPS_PER_M` steps of depth.
+    `rows` are the boxes, `clear` (n,) is the share of a surface's colour that survives the air, by `CLEAR_STEPS_PER_M`
+    steps of depth.
     """
     colours, faces, nearness = canvas.colours, canvas.faces, canvas.nearness
     touched, table = canvas.touched, canvas.table

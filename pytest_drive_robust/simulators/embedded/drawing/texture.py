@@ -20,7 +20,8 @@ _WIDE_MARGIN_M = 110.0
 _NEAR_TEXEL_M = 0.1
 _MOST_TEXELS = 100_000_000
 """In the near region: texels are coarser around routes so long that a gigabyte would not hold them."""
-_NEAR_LEVELS = 2
+NEAR_LEVELS = 2
+"""So many levels cover the route's surroundings only, the others a wide region."""
 _LEVELS = 7
 _CACHED_TEXTURES, _CACHED_BYTES = 12, 256 * 2**20
 
@@ -33,6 +34,9 @@ _YELLOW = np.array((222.0, 178.0, 48.0))
 FAR_TEXEL = 104 | (124 << 8) | (72 << 16)
 """The ground outside of every texture: grass."""
 
+FIRST, COLUMNS, ROWS, CORNER_X, CORNER_Y, TEXEL_M = range(6)
+"""The columns of `GroundTexture.levels`."""
+
 
 @dataclass(frozen=True, slots=True)
 class GroundTexture:
@@ -40,7 +44,7 @@ class GroundTexture:
 
     `texels` is flat uint32, 0x00BBGGRR, all levels one after the other. `levels` is (n, 6) float64: first texel,
     columns, rows, x and y of the corner in metres, texel size in metres; each level's texels are twice as large as
-    those of the one before. The first two levels cover the route's surroundings only, the others a wide region.
+    those of the one before.
     """
 
     texels: Packed
@@ -72,7 +76,7 @@ def texture_regions(around: Floats) -> tuple[Region, Region]:
     while near.columns * near.rows > _MOST_TEXELS:
         texel_m *= 2.0
         near = Region.around(around, _NEAR_MARGIN_M, texel_m=texel_m)
-    return near, Region.around(around, _WIDE_MARGIN_M, texel_m=texel_m * 2 ** (_NEAR_LEVELS - 1))
+    return near, Region.around(around, _WIDE_MARGIN_M, texel_m=texel_m * 2 ** (NEAR_LEVELS - 1))
 
 
 def _kept_bytes() -> int:
@@ -82,12 +86,12 @@ def _kept_bytes() -> int:
 def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:
     pictures: list[tuple[Packed, Region]] = []
     picture, region = pack_sheet(paint_ground(lane_map, near)), near
-    for _ in range(_NEAR_LEVELS):
+    for _ in range(NEAR_LEVELS):
         pictures.append((picture, region))
         picture, region = _halved(picture), _halved_region(region)
     # The wide sheet is drawn one level finer than its first kept level: thin paint needs the averaging.
     picture, region = pack_sheet(paint_ground(lane_map, wide)), wide
-    for _ in range(_NEAR_LEVELS, _LEVELS):
+    for _ in range(NEAR_LEVELS, _LEVELS):
         picture, region = _halved(picture), _halved_region(region)
         pictures.append((picture, region))
     first = np.cumsum([0] + [picture.size for picture, _ in pictures[:-1]])

@@ -13,7 +13,6 @@ from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldAr
 STUN_TICKS = 40
 SAME_ACTOR_S = 5.0
 SAME_PLACE_M = 5.0
-STANDING_MPS = 0.1
 _PEDESTRIAN = int(ActorKind.PEDESTRIAN)
 _CONE = int(ActorKind.CONE)
 _SIGN = int(ActorKind.WARNING_SIGN)
@@ -57,7 +56,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
     again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
-    if not _was_hit_here(world) and not again and v >= STANDING_MPS:
+    if not _was_hit_here(world) and not again and v >= c.STANDING_MPS:
         note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
@@ -65,7 +64,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
         # who does not see all and touches an ego that stands scrapes past: stopping there would block both for ever
-        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
+        if v >= c.STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
             world.actor_ints[i, c.I_STUN] = STUN_TICKS
             _wake_flow(world, world.actor_ints[i, c.I_FLOW])
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
@@ -95,7 +94,7 @@ def _wake_flow(world: WorldArrays, flow: int) -> None:
 @inner
 def _actor_depth(world: WorldArrays, i: int, x: float, y: float) -> tuple[float, float, float]:
     """Return what `overlap` does for the ego at a place and the solid body `i`, 0 for one that is not there."""
-    if world.actor_ints[i, c.I_ACTIVE] != 1 or world.actor_ints[i, c.I_SOLID] == 0:
+    if world.actor_ints[i, c.I_ACTIVE] != c.PRESENT or world.actor_ints[i, c.I_SOLID] == 0:
         return 0.0, 0.0, 0.0
     other = world.actors[i]
     length, width = world.ego_length_m, world.ego_width_m
@@ -126,7 +125,7 @@ def hold_back(world: WorldArrays, before_mps: float) -> None:
     does not hold it, and what it has not hit yet is hit.
     """
     ego = world.ego
-    if before_mps >= STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
+    if before_mps >= c.STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
         return
     along, beside = cos_sin(ego[c.EGO_YAW])
     ahead_m = ego[c.EGO_V] * world.dt_s

@@ -80,7 +80,7 @@ def _wanted_speed(actor: Floats, whole: Ints, ego: Floats) -> float:
         if abs(ahead) > LEASH_FREE_M:
             stretch = min((abs(ahead) - LEASH_FREE_M) / (LEASH_END_M - LEASH_FREE_M), 1.0)
             target *= 1.0 - stretch if ahead > 0.0 else 1.0 + stretch
-    if whole[c.I_RELATIVE] == 2 and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
+    if whole[c.I_RELATIVE] == c.SPEED_ABOVE and whole[c.I_PHASE] >= c.PHASE_SCRIPT:
         target = ego[c.EGO_V] + actor[c.A_SCRIPT_V]
     return float(target)
 
@@ -122,7 +122,7 @@ def _acceleration(world: WorldArrays, i: int) -> float:
                 gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
     wanted = _wanted_speed(actor, whole, world.ego)
     asked = idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
-    if whole[c.I_RELATIVE] == 1 and whole[c.I_PHASE] == c.PHASE_SCRIPT and actor[c.A_V] > wanted:
+    if whole[c.I_RELATIVE] == c.SPEED_SHARE and whole[c.I_PHASE] == c.PHASE_SCRIPT and actor[c.A_V] > wanted:
         # CARLA's basic agent brakes at once for a lower target speed
         asked = min(asked, max((wanted - actor[c.A_V]) / world.dt_s, -actor[c.A_BRAKE_MAX]))
     return float(asked)
@@ -151,7 +151,7 @@ def _move(world: WorldArrays, i: int) -> None:
     if actor[c.A_S] >= actor[c.A_END_S]:
         actor[c.A_S], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_S], 0.0, 0.0
         if whole[c.I_AT_END] == c.AT_END_LEAVE:
-            whole[c.I_ACTIVE] = 0
+            whole[c.I_ACTIVE] = c.ABSENT
     _show(actor, whole, accel, shift)
     x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
     if shift != 0.0 and not walks:
@@ -179,5 +179,5 @@ def move_actors(world: WorldArrays) -> None:
     for i in range(len(world.actors)):
         if world.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
             run_script(world, i)
-        if world.actor_ints[i, c.I_ACTIVE] == 1 and world.actor_ints[i, c.I_MODE] != c.MODE_STATIC:
+        if world.actor_ints[i, c.I_ACTIVE] == c.PRESENT and world.actor_ints[i, c.I_MODE] != c.MODE_STATIC:
             _move(world, i)

@@ -7,6 +7,7 @@ moving them. Everything is a plain loop over `state.State`; the same inputs give
 
 from __future__ import annotations
 
+from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.jit.arrays import Floats2
 from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded import state as c
@@ -19,6 +20,10 @@ from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose, sur
 from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows, run_flows, set_lights
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays, world_arrays
 from pytest_drive_robust.simulators.embedded.state import State, Statics
+
+_ID, _KIND, _STATE = WorldState.ID, WorldState.KIND, WorldState.STATE
+_X, _Y, _YAW, _SPEED = WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED
+_LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
 
 
 @entry
@@ -65,15 +70,14 @@ def settle(world: WorldArrays) -> None:
 
 @entry
 def actor_rows(world: WorldArrays, rows: Floats2) -> int:
-    """Write the actors that exist now into `rows` (columns of `Frame.actors`); return the number of rows written."""
+    """Write the actors that exist now into `rows` (as `WorldState.actors`); return the number of rows written."""
     count = 0
     for i in range(len(world.actors)):
-        if world.actor_ints[i, c.I_ACTIVE] != 1:
+        if world.actor_ints[i, c.I_ACTIVE] != c.PRESENT:
             continue
         actor, row = world.actors[i], rows[count]
-        row[0], row[1] = i, world.actor_ints[i, c.I_KIND]
-        row[2], row[3], row[4], row[5] = actor[c.A_X], actor[c.A_Y], actor[c.A_YAW], actor[c.A_V]
-        row[6], row[7], row[8] = actor[c.A_LENGTH], actor[c.A_WIDTH], actor[c.A_HEIGHT]
-        row[9] = world.actor_ints[i, c.I_STATE]
+        row[_ID], row[_KIND], row[_STATE] = i, world.actor_ints[i, c.I_KIND], world.actor_ints[i, c.I_STATE]
+        row[_X], row[_Y], row[_YAW], row[_SPEED] = actor[c.A_X], actor[c.A_Y], actor[c.A_YAW], actor[c.A_V]
+        row[_LENGTH], row[_WIDTH], row[_HEIGHT] = actor[c.A_LENGTH], actor[c.A_WIDTH], actor[c.A_HEIGHT]
         count += 1
     return count

@@ -48,7 +48,7 @@ def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, wid
 def _is_driven(ints: Ints, path: int) -> bool:
     """Return whether anybody drives on this path."""
     for i in range(len(ints)):
-        if ints[i, c.I_PATH] == path and ints[i, c.I_ACTIVE] == 1 and ints[i, c.I_MODE] == c.MODE_DRIVE:
+        if ints[i, c.I_PATH] == path and ints[i, c.I_ACTIVE] == c.PRESENT and ints[i, c.I_MODE] == c.MODE_DRIVE:
             return True
     return False
 
@@ -64,7 +64,7 @@ def survey(world: WorldArrays) -> None:
         first, last, step = world.path_start[path], world.path_start[path + 1], world.path_step[path]
         for i in range(count):
             actor, row = world.actors[i], world.survey[path, i]
-            if ints[i, c.I_ACTIVE] != 1 or ints[i, c.I_SOLID] == 0:
+            if ints[i, c.I_ACTIVE] != c.PRESENT or ints[i, c.I_SOLID] == 0:
                 row[c.S_ALONG] = -1.0
             elif ints[i, c.I_PATH] == path and ints[i, c.I_MODE] == c.MODE_DRIVE:
                 row[c.S_ALONG], row[c.S_RIGHT] = actor[c.A_S], actor[c.A_LAT]

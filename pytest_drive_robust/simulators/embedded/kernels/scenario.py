@@ -20,12 +20,12 @@ def run_flows(world: WorldArrays) -> None:
     for f in range(len(world.flows)):
         flow, whole = world.flows[f], world.flow_ints[f]
         latest = whole[c.FI_LATEST]
-        on_road = latest >= 0 and world.actor_ints[latest, c.I_ACTIVE] == 1
+        on_road = latest >= 0 and world.actor_ints[latest, c.I_ACTIVE] == c.PRESENT
         if on_road and world.actors[latest, c.A_S] - flow[c.F_SOURCE_S] < flow[c.F_NEXT_GAP_M]:
             continue
         slot = -1
         for k in range(whole[c.FI_FIRST_SLOT], whole[c.FI_LAST_SLOT]):
-            if world.actor_ints[k, c.I_ACTIVE] == 0:
+            if world.actor_ints[k, c.I_ACTIVE] == c.ABSENT:
                 slot = k
                 break
         if slot < 0:
@@ -41,9 +41,9 @@ def _spawn(world: WorldArrays, f: int, slot: int, s: float) -> None:
     actor[c.A_S], actor[c.A_LAT], actor[c.A_V], actor[c.A_ACCEL] = s, lat, flow[c.F_SPEED], 0.0
     actor[c.A_TARGET_V], actor[c.A_TARGET_LAT], actor[c.A_END_S] = flow[c.F_SPEED], lat, flow[c.F_SINK_S]
     actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = path_pose(world, whole[c.FI_PATH], s, lat)
-    world.actor_ints[slot, c.I_ACTIVE] = 1
+    world.actor_ints[slot, c.I_ACTIVE] = c.PRESENT
     world.actor_ints[slot, c.I_STUN] = 0
-    world.actor_ints[slot, c.I_LAST_HIT] = -100000
+    world.actor_ints[slot, c.I_LAST_HIT] = c.NEVER_HIT
     whole[c.FI_LATEST] = slot
     flow[c.F_NEXT_GAP_M] = world.flow_gaps[f, whole[c.FI_DRAWN] % world.flow_gaps.shape[1]]
     whole[c.FI_DRAWN] += 1
@@ -60,7 +60,7 @@ def fill_flows(world: WorldArrays) -> None:
                 break
             _spawn(world, f, slot, s)
             if _runs_red_light(world, whole[c.FI_PATH], slot, s):
-                world.actor_ints[slot, c.I_ACTIVE] = 0
+                world.actor_ints[slot, c.I_ACTIVE] = c.ABSENT
             s -= flow[c.F_NEXT_GAP_M]
 
 
@@ -118,10 +118,10 @@ def run_script(world: WorldArrays, i: int) -> None:
         actor[c.A_TIMER_S] -= world.dt_s
         if actor[c.A_TIMER_S] <= 0.0:
             phase, actor[c.A_TIMER_S] = c.PHASE_SCRIPT, actor[c.A_SCRIPT_S]
-            if whole[c.I_ACTIVE] == 2:
-                whole[c.I_ACTIVE] = 1
+            if whole[c.I_ACTIVE] == c.NOT_YET:
+                whole[c.I_ACTIVE] = c.PRESENT
                 actor[c.A_V] = 0.0 if whole[c.I_MODE] == c.MODE_STATIC else world.ego[c.EGO_V]
-            scale = world.ego[c.EGO_V] if whole[c.I_RELATIVE] == 1 else 1.0
+            scale = world.ego[c.EGO_V] if whole[c.I_RELATIVE] == c.SPEED_SHARE else 1.0
             actor[c.A_TARGET_V] = actor[c.A_SCRIPT_V] * scale
             actor[c.A_TARGET_LAT] = actor[c.A_SCRIPT_LAT]
             actor[c.A_SYNC_M] = 0.0

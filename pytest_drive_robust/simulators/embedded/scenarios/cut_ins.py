@@ -93,7 +93,7 @@ def highway_cut_in(stage: Stage) -> None:
     stage.cast.script(
         cutter,
         Passing(stage.trigger_m + at),
-        Script(0.8, seconds=5.5 / 0.8, after_mps=0.9 * stage.speed_limit_mps, relative=1),
+        Script(0.8, seconds=5.5 / 0.8, after_mps=0.9 * stage.speed_limit_mps, relative=c.SPEED_SHARE),
     )
     if stage.has_lane_beside("left"):
         stage.flow(stage.beside("left"), speed_mps=0.95 * stage.speed_limit_mps, gap_m=(45.0, 90.0), background=True)

@@ -7,10 +7,10 @@ control_loss}.py`.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import ActorKind
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
@@ -124,7 +124,7 @@ def _pushed_aside(stage: Stage, far_m: float, aside_m: float) -> int:
     return stage.add_path(line[:, :2] + shift[:, None] * left)
 
 
-def _smooth(share: NDArray[np.float64]) -> NDArray[np.float64]:
+def _smooth(share: Floats) -> Floats:
     """Return 0 below 0, 1 above 1, without a kink in between."""
     t = np.clip(share, 0.0, 1.0)
     return np.asarray(t * t * (3.0 - 2.0 * t))

@@ -6,10 +6,11 @@ misses it does not come near their end.
 
 from __future__ import annotations
 
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.simulators.embedded.geometry import project
 from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, route_flow
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ROLLING = 0.7
@@ -21,7 +22,7 @@ _AROUND_M = (15.0, 30.0)
 (`scenario_runner/srunner/scenarios/background_activity.py`)."""
 
 
-def _ramp(name: str, rolling: float, *, flow_mps: Metres, gap_m: Metres) -> None:
+def _ramp(name: str, rolling: float, *, flow_mps: Range, gap_m: Range) -> None:
     """Register a type: get through the flow in the lane in which the route ends, `rolling` at that share of the limit.
 
     The ego leaves the motorway through a flow that stays slower than the road, merges from the acceleration lane into
@@ -54,7 +55,7 @@ def sequential_lane_change(stage: Stage) -> None:
     stage.end_m = stage.dense.length_m - _LAST_M
 
 
-def _country_road(name: str, *, flow_mps: Metres, gap_m: Metres, bearings: tuple[str, ...]) -> None:
+def _country_road(name: str, *, flow_mps: Range, gap_m: Range, bearings: tuple[str, ...]) -> None:
     """Register a type: turn left on a country road, across or into the flows that come from `bearings`.
 
     Where the road parts or meets another one without a junction, there is the one flow of the route file, in the lane

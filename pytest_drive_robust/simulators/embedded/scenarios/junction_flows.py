@@ -6,12 +6,14 @@ Sources: Bench2Drive `scenario_runner/srunner/scenarios/{signalized,non_signaliz
 
 from __future__ import annotations
 
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.domain.truth import ActorKind, LaneKind
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED, Program, red_then_green
 from pytest_drive_robust.simulators.embedded.map import follow, join
 from pytest_drive_robust.simulators.embedded.scenarios import parts
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
-from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Program, Stage, red_then_green
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
+from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _OWN_RED = red_then_green(parts.RED_S)
 
@@ -22,7 +24,7 @@ def _turn(
     from_arm: str,
     into: str = "straight",
     lights: tuple[Program, Program, Program] | None = None,
-    flow: tuple[Metres, Metres],
+    flow: tuple[Range, Range],
     given: bool = False,
 ) -> None:
     """Register a type: the ego turns across or into a flow that comes `from_arm`.
@@ -84,7 +86,7 @@ _turn(
 @scenario("CrossingBicycleFlow", flow=((8.0, 12.0), (5.0, 30.0)), blocked_test_off=True)
 def crossing_bicycle_flow(stage: Stage) -> None:
     """Turn across a biking lane whose riders go straight on; the ego's light is red for five seconds first."""
-    stage.lights(ego=red_then_green(parts.RED_S), opposite=GREEN)
+    stage.lights(ego=_OWN_RED, opposite=GREEN)
     path = _first_biking_lane(stage)
     parts.route_flow(stage, path, meets_ahead_m=stage.junction_ahead_m(), kinds=(ActorKind.BICYCLE,))
     parts.end_behind_junction(stage)

@@ -8,10 +8,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.scenarios.parts import ahead, oncoming_gaps, right_hand, side_traffic
-from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import Metres, scenario
+from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
@@ -55,10 +56,10 @@ def _obstacle(
     name: str,
     put: Callable[[Stage], tuple[float, float]],
     *,
-    distance_m: Metres,
+    distance_m: Range,
     side_kmh: float = 0.0,
-    speed_kmh: Metres | None = None,
-    oncoming_m: Metres | None = None,
+    speed_kmh: Range | None = None,
+    oncoming_m: Range | None = None,
     near_m: float = 50.0,
 ) -> None:
     """Register a type: something stands in the ego's lane, and somebody is in the way of driving around it.

@@ -7,12 +7,19 @@ from contextlib import suppress
 import numpy as np
 
 from pytest_drive_robust.arithmetic import arrays
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.arithmetic.signals import mean
-from pytest_drive_robust.domain.truth import ActorKind, LaneKind, LightState
+from pytest_drive_robust.domain.truth import ActorKind, LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
+from pytest_drive_robust.simulators.embedded.light_programs import (
+    YELLOW_S,
+    green_between,
+    green_then_red,
+    red_then_green,
+)
 from pytest_drive_robust.simulators.embedded.map import lanes_across
-from pytest_drive_robust.simulators.embedded.stage import Program, Stage, green_then_red, red_then_green
+from pytest_drive_robust.simulators.embedded.stage import CARS, Stage
 
 KMH = 1.0 / 3.6
 """A kilometre per hour in metres per second."""
@@ -20,13 +27,10 @@ KMH = 1.0 / 3.6
 _FAST_MPS = 15.0
 RED_S = 5.0
 """How long lights stay red (or green) after the scenario started."""
-_YELLOW_S = 2.0
-"""Long enough that everybody at town speeds can stop before the line or be past it."""
 _ALL_RED_S = 1.0
 _MEET_M = 1.0
 _SLOWEST_MPS, _ACROSS_S = 4.0, 8.0
 """Who comes this slowly, and needs so long to start and to get across, finds no longer gap than who comes fast."""
-_CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
 
 
 def ahead(stage: Stage, default_m: float, *, at_least_m: float = 20.0) -> float:
@@ -77,7 +81,7 @@ def oncoming_gaps(stage: Stage) -> None:
     stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=(min(ends), max(ends)), background=True)
 
 
-def scenery(stage: Stage, gap_m: tuple[float, float] = (45.0, 90.0)) -> None:
+def scenery(stage: Stage, gap_m: Range = (45.0, 90.0)) -> None:
     """Add traffic the other way that only shares the road; a one-way road has none."""
     with suppress(RouteError):
         stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=gap_m, background=True)
@@ -89,7 +93,7 @@ def rolling_start(stage: Stage) -> float:
     return stage.start_mps
 
 
-def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[ActorKind, ...] = _CARS) -> None:
+def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[ActorKind, ...] = CARS) -> None:
     """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
     The type's ranges stand in for what the file leaves out. Its drivers keep their speed and give way to nobody, as
@@ -107,7 +111,7 @@ def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[Ac
     stage.flow(path, speed_mps=speed, gap_m=(min(gaps), max(gaps)), kinds=kinds, sees=c.SEES_NOBODY, dense_m=dense_m)
 
 
-def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (15.0, 30.0), lights: bool = False) -> None:
+def cross_traffic(stage: Stage, *, gap_m: Range = (15.0, 30.0), lights: bool = False) -> None:
     """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
 
     Bench2Drive's sources at a junction send the next car once the last one is 15 m away
@@ -132,28 +136,15 @@ def cross_traffic(stage: Stage, *, gap_m: tuple[float, float] = (15.0, 30.0), li
 def lights_turn_green(stage: Stage, *, red_s: float = RED_S) -> None:
     """Show red along the ego's road, then green; the crossing road has green before that."""
     own = red_then_green(red_s)
-    stage.lights(ego=own, opposite=own, crossing=_green_between(0.0, max(red_s - _ALL_RED_S - _YELLOW_S, 0.0)))
+    stage.lights(ego=own, opposite=own, crossing=green_between(0.0, max(red_s - _ALL_RED_S - YELLOW_S, 0.0)))
 
 
 def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_S) -> None:
     """Show green along the ego's road, then red, while the crossing road has its green, then green again."""
-    red_at = green_s + _YELLOW_S
+    red_at = green_s + YELLOW_S
     own = green_then_red(green_s, red_s)
-    between = _green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - _YELLOW_S, 2.0 * _ALL_RED_S))
+    between = green_between(red_at + _ALL_RED_S, red_at + max(red_s - _ALL_RED_S - YELLOW_S, 2.0 * _ALL_RED_S))
     stage.lights(ego=own, opposite=own, crossing=between)
-
-
-def _green_between(start_s: float, end_s: float) -> Program:
-    """Return a program that is red but for one green, which a yellow ends."""
-    return Program(
-        LightState.RED if start_s > 0.0 else LightState.GREEN,
-        (
-            (LightState.RED, start_s),
-            (LightState.GREEN, end_s),
-            (LightState.YELLOW, end_s + _YELLOW_S),
-            (LightState.RED, np.inf),
-        ),
-    )
 
 
 def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tuple[float, float] | None:

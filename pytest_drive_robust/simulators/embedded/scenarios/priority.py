@@ -12,9 +12,10 @@ from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Script
+from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED
 from pytest_drive_robust.simulators.embedded.scenarios.parts import end_behind_junction, meeting_point
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
-from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage
+from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.state import DT_S
 
 _SPEED_MPS = 60.0 / 3.6

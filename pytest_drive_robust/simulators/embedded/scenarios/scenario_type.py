@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from pytest_drive_robust.arithmetic.random_numbers import Range
 from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.state import TWO_WAYS_NEVER
-
-Metres = tuple[float, float]
-"""A range from which something is drawn, of metres or of whatever its element holds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,8 +22,8 @@ class ScenarioType:
 
     name: str
     build: Callable[[Stage], None]
-    parameters: dict[str, Metres]
-    intervals: dict[str, Metres]
+    parameters: dict[str, Range]
+    intervals: dict[str, Range]
     blocked_test_off: bool
     two_ways: int
 
@@ -37,9 +35,9 @@ SCENARIOS: dict[str, ScenarioType] = {}
 def scenario(
     name: str,
     *,
-    parameters: dict[str, Metres] | None = None,
-    intervals: dict[str, Metres] | None = None,
-    flow: tuple[Metres, Metres] | None = None,
+    parameters: dict[str, Range] | None = None,
+    intervals: dict[str, Range] | None = None,
+    flow: tuple[Range, Range] | None = None,
     blocked_test_off: bool = False,
     two_ways: int = TWO_WAYS_NEVER,
 ) -> Callable[[Callable[[Stage], None]], Callable[[Stage], None]]:

@@ -10,6 +10,7 @@ from contextlib import suppress
 
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.scenarios.parts import right_hand, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
@@ -34,7 +35,7 @@ def yield_to_emergency_vehicle(stage: Stage) -> None:
             accel_mps2=_SIREN_MPS2, brake_mps2=8.0, appears=True,
         )
     )  # fmt: skip
-    stage.cast.script(stage.emergency_actor, Passing(stage.trigger_m), Script(25.0, relative=2))
+    stage.cast.script(stage.emergency_actor, Passing(stage.trigger_m), Script(25.0, relative=c.SPEED_ABOVE))
     cruise = 0.8 * stage.speed_limit_mps
     with suppress(RouteError):  # a one-way street has no oncoming lane
         stage.flow(stage.oncoming(), speed_mps=cruise, gap_m=(45.0, 90.0), background=True)

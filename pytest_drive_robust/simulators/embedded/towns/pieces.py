@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pytest_drive_robust.arithmetic import arrays, scalars
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import Pose
@@ -140,7 +140,7 @@ def _way(section: Section, way: str, count: int) -> Iterator[tuple[str, float, f
             edge += width
 
 
-def winding(rng: RandomNumbers, total_m: float, *, radius_m: Piece, arc_m: Piece = (25.0, 45.0)) -> list[Piece]:
+def winding(rng: RandomNumbers, total_m: float, *, radius_m: Range, arc_m: Range = (25.0, 45.0)) -> list[Piece]:
     """Return the pieces of a gently winding road of `total_m` metres: line, arc, line, counter-arc, line."""
     sign = 1.0 if rng.random() < 0.5 else -1.0
     arc = rng.uniform(*arc_m)

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from math import fsum
 
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.simulators.embedded.geometry import Pose, moved
 from pytest_drive_robust.simulators.embedded.towns.pieces import Piece, retreat, road, winding
 from pytest_drive_robust.simulators.embedded.towns.town import Draw, Section, Town
@@ -22,8 +22,8 @@ _GAP_M = (14.0, 35.0)
 
 
 def street(
-    forward: int, backward: int, *, width_m: Piece, limits_mps: list[float], length_m: float, straight: float,
-    radius_m: Piece, parking: bool = False, left_walk: bool = False,
+    forward: int, backward: int, *, width_m: Range, limits_mps: list[float], length_m: float, straight: float,
+    radius_m: Range, parking: bool = False, left_walk: bool = False,
 ) -> Draw:  # fmt: skip
     """Return a style: a street in town with sidewalks, `straight` in that share of its towns, winding in the others."""
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from pytest_drive_robust.arithmetic import scalars
-from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers
+from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import Pose
@@ -110,7 +110,7 @@ class Town:
     crosswalks: list[Floats] = field(default_factory=list)
     chains: dict[str, list[int]] = field(default_factory=dict)
     anchors: dict[str, float] = field(default_factory=dict)
-    building_gap_m: tuple[float, float] = (2.0, 9.0)
+    building_gap_m: Range = (2.0, 9.0)
 
     def add(self, lane: DrawnLane) -> int:
         """Add a lane and return its number."""

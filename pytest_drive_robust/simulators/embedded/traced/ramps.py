@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,10 +18,11 @@ from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
 from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, prolonged, shifted
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
+from pytest_drive_robust.simulators.embedded.weave import change_length_m
 
 _BEYOND_M = 160.0
 _BEHIND_M = 120.0
-_CHANGE_S, _CHANGE_M = 2.4, (20.0, 45.0)
+_LEAST_CHANGE_M, _MOST_CHANGE_M = 12.0, 45.0
 _SLOW_GAP_M = 80.0
 _SLOW_MPS, _RAMP_MPS, _LEAST_MPS = 14.0, 14.0, 7.0
 _SIDEWAYS_MPS2 = 3.0
@@ -44,20 +46,20 @@ def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec,
     begins = _BEHIND_M + trigger_m + 1.0
     fork = min(max(start + 0.35 * gap, begins + _over_m(limit) + 2.0), start + 0.55 * gap)
     over = min(_over_m(limit), fork - begins)
-    if over < _CHANGE_M[0] - 8.0:
+    if over < _LEAST_CHANGE_M:
         raise RouteError(f"{fork - begins:.0f} m from the trigger to the exit are too few to change lanes")
     target = shifted(own, side * LANE_M)
     ramp_start = place(target, project(target, *place(own, fork)[:2])[0])
     ramp = joined(bridge(ramp_start, tuple(after[0])), after[1:])
-    _road(town, own, limit, fork, extra_m=0.0, lanes=(3, 3, 3), own_lane=1)
+    _road(town, own, limit, (fork,), lanes=((3, 1), (3, 1)))
     section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
     trace_road(town, "exit", shifted(prolonged(ramp, after_m=_BEYOND_M), -LANE_M / 2.0), section)
-    changing = _changing(own, begins, over, side)
     s = arc_lengths(own)
+    changing = shifted(own, side * LANE_M * (1.0 - _still_to_go(s, begins, over)))
     return joined(changing[(s > _BEHIND_M - 0.5) & (s < fork - 0.5)], ramp)
 
 
-def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
+def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec) -> Floats:
     """Draw the flow's lane, a lane beside it that begins and ends, and a ramp to that; return the ego's way.
 
     The ego comes over the ramp and ends in the flow's lane.
@@ -72,7 +74,7 @@ def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec
     begins = joint - parallel
     beside = shifted(main, side * LANE_M)
     ramp = joined(before, bridge(tuple(before[-1]), place(beside, begins))[1:])
-    _road(town, main, limit, begins, extra_m=parallel + 15.0, lanes=(2, 3, 2), own_lane=1, side=side)
+    _road(town, main, limit, (begins, begins + (parallel + 15.0)), lanes=_with_lane_between(side))
     section = Section(1, 0, LANE_M, _ramp_speed(ramp), sidewalk=False)
     trace_road(town, "ramp", shifted(prolonged(ramp, before_m=_BEHIND_M), -LANE_M / 2.0), section)
     over = min(_over_m(limit), parallel - 8.0)
@@ -89,8 +91,9 @@ def draw_cut_in(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpe
     other = spec.parameters["other_actor_location"]
     side = 1.0 if project(line, other["x"], other["y"])[1] > 0.0 else -1.0
     whole = prolonged(line, before_m=_BEHIND_M, after_m=_BEYOND_M)
-    begins, ends = _BEHIND_M - 30.0, _BEHIND_M + course.start_m + max(course.gap_m, _LEAST_GAP_M)
-    _road(town, whole, roads.speed_mps, begins, extra_m=ends - begins, lanes=(2, 3, 2), own_lane=1, side=side)
+    begins = _BEHIND_M - 30.0
+    parallel = _BEHIND_M + course.start_m + max(course.gap_m, _LEAST_GAP_M) - begins
+    _road(town, whole, roads.speed_mps, (begins, begins + parallel), lanes=_with_lane_between(side))
     joint = place(shifted(whole, side * LANE_M), begins)
     away = moved(joint, -90.0, side * 14.0)
     start = away[0], away[1], joint[2] - side * 0.25
@@ -111,15 +114,14 @@ def _parts(course: RouteCourse, spec: ScenarioSpec) -> tuple[Floats, Floats]:
 
 def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) -> Floats:
     """Return the ego's lane from before the route to far behind the exit: an arc beside the flow's end, or straight."""
-    start = tuple(before[-1])
+    start, flow_end = tuple(before[-1]), _point(spec, "end_actor_flow")
     curvature = 0.0
-    ahead, right = local(start, _point(spec, "end_actor_flow"))
-    on_ramp = scalars.hypot(*local(tuple(after[0]), _point(spec, "end_actor_flow"))) < 1.5 * LANE_M or (
-        abs(local(tuple(after[0]), _point(spec, "end_actor_flow"))[1]) < LANE_M / 2.0
-    )
+    ahead, right = local(start, flow_end)
+    beyond, beside = local(tuple(after[0]), flow_end)
+    on_ramp = scalars.hypot(beyond, beside) < 1.5 * LANE_M or abs(beside) < LANE_M / 2.0
     if not on_ramp and ahead > 20.0:
         # the flow's lane lies one lane on the side of the exit
-        right += LANE_M * (1.0 if right > local(start, after[0])[1] else -1.0) * 1.0
+        right += LANE_M * (1.0 if right > local(start, after[0])[1] else -1.0)
         curvature = 2.0 * right / (ahead * ahead + right * right)
         curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
     steps = np.arange(1.0, gap_m + 30.0)
@@ -143,30 +145,28 @@ def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
     return prolonged(joined(bridge(start, back)[:-1], straight_on), before_m=_BEHIND_M / 2.0)
 
 
+_Lanes = tuple[int, int]
+"""How many lanes a stretch of road has, and the number of the one along its line, from the left."""
+
+
 def _road(
-    town: Town, line: Floats, speed_mps: float, split_m: float, *, extra_m: float, lanes: tuple[int, int, int],
-    own_lane: int, side: float = 1.0,
-) -> None:  # fmt: skip
-    """Draw a one-way road of two or three stretches; a lane that only the middle one has lies on `side`."""
+    town: Town, line: Floats, speed_mps: float, changes_m: tuple[float, ...], *, lanes: tuple[_Lanes, ...]
+) -> None:
+    """Draw a one-way road along a lane; `lanes` are those of its stretches, which end `changes_m` along it."""
     town.building_gap_m = (14.0, 35.0)
     s = arc_lengths(line)
-    first = int(np.searchsorted(s, split_m))
-    last = int(np.searchsorted(s, split_m + extra_m)) if extra_m else first
-    own = own_lane if side > 0.0 or extra_m == 0.0 else own_lane - 1
-    parts = [
-        (line[: first + 1], lanes[0], own),
-        (line[first : last + 1], lanes[1], own_lane),
-        (line[last:], lanes[2], own),
-    ]
-    for part, count, own_number in parts:
+    ends = [0, *(int(np.searchsorted(s, at)) for at in changes_m), len(line) - 1]
+    for (first, last), (count, own) in zip(pairwise(ends), lanes, strict=True):
+        part = line[first : last + 1]
         if len(part) > 2:
             section = Section(count, 0, LANE_M, speed_mps, sidewalk=False)
-            trace_road(town, "road", shifted(part, -(own_number + 0.5) * LANE_M), section)
+            trace_road(town, "road", shifted(part, -(own + 0.5) * LANE_M), section)
 
 
-def _changing(line: Floats, from_m: float, over_m: float, side: float) -> Floats:
-    s = arc_lengths(line)
-    return shifted(line, side * LANE_M * (1.0 - _still_to_go(s, from_m, over_m)))
+def _with_lane_between(side: float) -> tuple[_Lanes, ...]:
+    """Return the lanes of three stretches of which the middle one has another lane on that side of the line's."""
+    own = 1 if side > 0.0 else 0
+    return (2, own), (3, 1), (2, own)
 
 
 def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
@@ -175,7 +175,7 @@ def _still_to_go(s: Floats, from_m: float, over_m: float) -> Floats:
 
 
 def _over_m(speed_mps: float) -> float:
-    return min(max(_CHANGE_S * speed_mps, _CHANGE_M[0]), _CHANGE_M[1])
+    return min(change_length_m(speed_mps), _MOST_CHANGE_M)
 
 
 def _ramp_speed(ramp: Floats) -> float:

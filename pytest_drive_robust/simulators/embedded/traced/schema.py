@@ -7,6 +7,7 @@ constructors in `scenario_runner/srunner/scenarios`.
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -187,6 +188,12 @@ def is_numeric(element: str) -> bool:
     return element in _RANGES or element in _PLACES
 
 
+def nearest_hint(given: str, known: Iterable[str]) -> str:
+    """Return `", did you mean 'speed'?"` within a sentence, one problem of several; nothing when nothing is close."""
+    close = nearest(given, known)
+    return "" if close is None else f", did you mean {close!r}?"
+
+
 def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True) -> list[str]:
     """Return what is wrong with a scenario of a route file; empty when nothing is.
 
@@ -195,8 +202,7 @@ def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True
     """
     schema = SCHEMA.get(spec.type)
     if schema is None:
-        close = nearest(spec.type, sorted(SCHEMA))
-        hint = f", did you mean {close!r}?" if close else ""
+        hint = nearest_hint(spec.type, sorted(SCHEMA))
         return [f"unknown scenario type {spec.type!r}{hint} (44 are known: `drive-robust routes list full`)"]
     found: list[str] = []
     for name in _RANGES:
@@ -227,8 +233,7 @@ def _without_effect(spec: ScenarioSpec, schema: TypeSchema) -> list[str]:
     found = []
     for element in (*spec.parameters, *spec.texts):
         if element not in attributes:
-            close = nearest(element, attributes)
-            hint = f", did you mean {close!r}?" if close else ""
+            hint = nearest_hint(element, attributes)
             found.append(
                 f"<{element}> is no element of {spec.type}{hint} (known: {', '.join(sorted(attributes)) or 'none'})"
             )

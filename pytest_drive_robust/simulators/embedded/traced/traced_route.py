@@ -15,7 +15,7 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown
 from pytest_drive_robust.simulators.embedded.towns.town import Town
-from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse, read_course
+from pytest_drive_robust.simulators.embedded.traced.course import read_course
 from pytest_drive_robust.simulators.embedded.traced.open_roads import draw_street
 from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, draw_entry, draw_exit
 from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
@@ -31,7 +31,6 @@ class TracedRoute:
     town: CompiledTown
     line: Floats
     trigger_m: float
-    course: RouteCourse
 
 
 def trace_route(route: Route) -> TracedRoute:
@@ -75,11 +74,11 @@ def _build(town: Town, route: Route, spec: ScenarioSpec) -> TracedRoute:
     elif roads.place is Place.EXIT:
         line = draw_exit(town, course, roads, spec, trigger_m)
     elif roads.place is Place.ENTRY:
-        line = draw_entry(town, course, roads, spec, trigger_m)
+        line = draw_entry(town, course, roads, spec)
     else:
         line = draw_cut_in(town, course, roads, spec)
     line = resample(line)
-    return TracedRoute(CompiledTown(town), line, min(_trigger_m(line, spec), latest), course)
+    return TracedRoute(CompiledTown(town), line, min(_trigger_m(line, spec), latest))
 
 
 def _trigger_m(line: Floats, spec: ScenarioSpec) -> float:

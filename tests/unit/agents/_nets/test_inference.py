@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tiny_tcp import SPEC, published
 
-from drive_robust_agents._nets.inference import ROWS, Policy
+from drive_robust_agents._nets.inference import ROWS, LoadedNetwork
 from pytest_drive_robust.errors import UsageError
 
 NETWORK = "tcp:TcpNet"
@@ -27,13 +27,13 @@ def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module", params=["onnx", "torch"])
-def policy(request: pytest.FixtureRequest, file: Path) -> Policy:
-    return Policy.of("tcp", NETWORK, weights=file, engine=request.param)
+def network(request: pytest.FixtureRequest, file: Path) -> LoadedNetwork:
+    return LoadedNetwork.of("tcp", NETWORK, weights=file, engine=request.param)
 
 
 @pytest.fixture(scope="module")
-def eager(file: Path) -> Policy:
-    return Policy.of("tcp", NETWORK, weights=file, engine="torch")
+def eager(file: Path) -> LoadedNetwork:
+    return LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch")
 
 
 def inputs(rows: int, seed: int = 0) -> Inputs:
@@ -46,7 +46,7 @@ def inputs(rows: int, seed: int = 0) -> Inputs:
     }
 
 
-def test_it_says_what_the_network_says(eager: Policy) -> None:
+def test_it_says_what_the_network_says(eager: LoadedNetwork) -> None:
     given = inputs(1)
     with torch.inference_mode():
         expected = eager.engine.net(**{name: torch.from_numpy(value) for name, value in given.items()})
@@ -58,47 +58,47 @@ def test_it_says_what_the_network_says(eager: Policy) -> None:
 
 
 @pytest.mark.parametrize("width", [2, 4, 7, 8, 16])
-def test_the_bits_of_a_row_depend_on_nothing_but_the_row(policy: Policy, width: int) -> None:
+def test_the_bits_of_a_row_depend_on_nothing_but_the_row(network: LoadedNetwork, width: int) -> None:
     several, rng = inputs(16, seed=1), np.random.Generator(np.random.Philox(3))
-    reference = policy.run(**several)
+    reference = network.run(**several)
     places = rng.permutation(16)[:width]
-    found = policy.run(**{name: value[places] for name, value in several.items()})
+    found = network.run(**{name: value[places] for name, value in several.items()})
     for name, value in found.items():
         assert value.shape[0] == width
         assert value.tobytes() == reference[name][places].tobytes()
 
 
-def test_a_row_alone_agrees_with_the_batch_up_to_rounding(policy: Policy) -> None:
+def test_a_row_alone_agrees_with_the_batch_up_to_rounding(network: LoadedNetwork) -> None:
     several = inputs(ROWS, seed=4)
-    together = policy.run(**several)["waypoints"]
-    alone = policy.run(**{name: value[2:3] for name, value in several.items()})["waypoints"]
+    together = network.run(**several)["waypoints"]
+    alone = network.run(**{name: value[2:3] for name, value in several.items()})["waypoints"]
     assert np.abs(together[2:3] - alone).max() < 1e-5
 
 
-def test_agents_share_a_network_and_other_arguments_get_another(eager: Policy, file: Path) -> None:
-    assert Policy.of("tcp", NETWORK, weights=str(file), engine="torch") is eager
-    assert Policy.of("tcp", NETWORK, weights=file) is not eager
+def test_agents_share_a_network_and_other_arguments_get_another(eager: LoadedNetwork, file: Path) -> None:
+    assert LoadedNetwork.of("tcp", NETWORK, weights=str(file), engine="torch") is eager
+    assert LoadedNetwork.of("tcp", NETWORK, weights=file) is not eager
 
 
 def test_replaced_weights_are_another_policy(tmp_path: Path) -> None:
-    first = Policy.of("tcp", NETWORK, weights=published(tmp_path, seed=1))
-    second = Policy.of("tcp", NETWORK, weights=published(tmp_path, seed=2))
+    first = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=1))
+    second = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=2))
     assert first.label != second.label
     assert not np.array_equal(first.run(**inputs(1))["waypoints"], second.run(**inputs(1))["waypoints"])
 
 
-def test_one_thread_computes_whatever_somebody_set(eager: Policy) -> None:
+def test_one_thread_computes_whatever_somebody_set(eager: LoadedNetwork) -> None:
     torch.set_num_threads(2)
     eager.run(**inputs(1))
     assert torch.get_num_threads() == 1
 
 
-def test_inputs_are_not_touched_and_outputs_are_the_callers(policy: Policy) -> None:
+def test_inputs_are_not_touched_and_outputs_are_the_callers(network: LoadedNetwork) -> None:
     given, kept = inputs(2), inputs(2)
-    found = policy.run(**given)
+    found = network.run(**given)
     found["waypoints"][:] = 7.0
     assert all(np.array_equal(given[name], kept[name]) for name in given)
-    assert not np.array_equal(policy.run(**given)["waypoints"], found["waypoints"])
+    assert not np.array_equal(network.run(**given)["waypoints"], found["waypoints"])
 
 
 @pytest.mark.parametrize(
@@ -114,29 +114,29 @@ def test_inputs_are_not_touched_and_outputs_are_the_callers(policy: Policy) -> N
 )
 def test_arguments_that_cannot_be_are_refused(file: Path, arguments: dict[str, Any], told: str) -> None:
     with pytest.raises(UsageError) as refused:
-        Policy.of("tcp", NETWORK, weights=file, **arguments)
+        LoadedNetwork.of("tcp", NETWORK, weights=file, **arguments)
     assert told in str(refused.value)
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without CUDA")
-def test_a_device_that_is_not_there_is_refused_and_auto_takes_the_processor(file: Path, eager: Policy) -> None:
+def test_a_device_that_is_not_there_is_refused_and_auto_takes_the_processor(file: Path, eager: LoadedNetwork) -> None:
     with pytest.raises(UsageError, match="sees 0"):
-        Policy.of("tcp", NETWORK, weights=file, engine="torch", device="cuda")
+        LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch", device="cuda")
     assert np.array_equal(
-        Policy.of("tcp", NETWORK, weights=file, engine="torch", device="auto").run(**inputs(2))["waypoints"],
+        LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch", device="auto").run(**inputs(2))["waypoints"],
         eager.run(**inputs(2))["waypoints"],
     )
 
 
-def test_mixed_precision_stays_near(file: Path, eager: Policy) -> None:
-    mixed = Policy.of("tcp", NETWORK, weights=file, engine="torch", dtype="bfloat16").run(**inputs(2))
+def test_mixed_precision_stays_near(file: Path, eager: LoadedNetwork) -> None:
+    mixed = LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch", dtype="bfloat16").run(**inputs(2))
     exact = eager.run(**inputs(2))
     assert mixed["waypoints"].dtype == np.float32
     assert 0.0 < np.abs(mixed["waypoints"] - exact["waypoints"]).max() < 0.05
 
 
-def test_both_engines_agree_for_any_number_of_rows(file: Path, eager: Policy) -> None:
-    fast = Policy.of("tcp", NETWORK, weights=file)
+def test_both_engines_agree_for_any_number_of_rows(file: Path, eager: LoadedNetwork) -> None:
+    fast = LoadedNetwork.of("tcp", NETWORK, weights=file)
     for rows in (1, ROWS, 6):
         given = inputs(rows, seed=rows)
         expected, found = eager.run(**given), fast.run(**given)
@@ -147,4 +147,4 @@ def test_both_engines_agree_for_any_number_of_rows(file: Path, eager: Policy) ->
 
 def test_a_method_without_a_graph_is_told(file: Path) -> None:
     with pytest.raises(UsageError, match=r"no graph of 'say' beside .*tcp\.safetensors, only of forward"):
-        Policy.of("tcp", NETWORK, weights=file).run("say", **inputs(1))
+        LoadedNetwork.of("tcp", NETWORK, weights=file).run("say", **inputs(1))

@@ -18,7 +18,7 @@ torch = pytest.importorskip("torch")
 from tiny_tcp import SPEC, published, tiny_net
 
 from drive_robust_agents._nets import require
-from drive_robust_agents._nets.inference import Policy
+from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.manifest import plain_spec, read_manifest, spec_from
 from drive_robust_agents._nets.tcp import TcpNet
 from drive_robust_agents._nets.torch_weights import encode, load
@@ -50,10 +50,10 @@ def relist(file: Path, content: bytes | None = None, /, **changes: Any) -> None:
 
 def refused(file: Path, match: str) -> None:
     with pytest.raises(UsageError, match=match):
-        Policy.check("tcp", NETWORK, weights=file)
+        LoadedNetwork.check("tcp", NETWORK, weights=file)
     for engine in ("onnx", "torch"):
         with pytest.raises(UsageError, match=match):
-            Policy.of("tcp", NETWORK, weights=file, engine=engine)
+            LoadedNetwork.of("tcp", NETWORK, weights=file, engine=engine)
 
 
 def test_equal_weights_are_equal_bytes() -> None:
@@ -144,7 +144,7 @@ def test_tensors_of_another_shape_are_refused_by_name(file: Path) -> None:
     with pytest.raises(UsageError, match=r"does not hold the tensors of TcpNet: \d+ differ \(controller"):
         load("tcp", TcpNet.build, weights=file)
     with pytest.raises(UsageError, match=r"tcp\.onnx is no graph that fits tcp\.safetensors: .*do not match"):
-        Policy.of("tcp", NETWORK, weights=file)
+        LoadedNetwork.of("tcp", NETWORK, weights=file)
 
 
 def test_a_specification_that_the_agent_does_not_know_is_refused(file: Path) -> None:
@@ -193,9 +193,9 @@ def test_one_changed_byte_of_a_graph_is_refused(file: Path) -> None:
     content[-7] ^= 1
     graph.write_bytes(content)
     with pytest.raises(UsageError, match=r"tcp\.onnx has SHA-256 .* it was changed"):
-        Policy.check("tcp", NETWORK, weights=file)
+        LoadedNetwork.check("tcp", NETWORK, weights=file)
     with pytest.raises(UsageError, match=r"tcp\.onnx has SHA-256 .* it was changed"):
-        Policy.of("tcp", NETWORK, weights=file)
+        LoadedNetwork.of("tcp", NETWORK, weights=file)
 
 
 @pytest.mark.parametrize("agrees", [False, True])
@@ -206,14 +206,14 @@ def test_a_truncated_graph_is_refused(file: Path, agrees: bool) -> None:
     if agrees:
         graph_of(file, cut)
     with pytest.raises(UsageError, match="no graph that fits" if agrees else "truncated"):
-        Policy.of("tcp", NETWORK, weights=file)
+        LoadedNetwork.of("tcp", NETWORK, weights=file)
 
 
 def test_weights_without_a_graph_are_told_the_command_that_writes_one(file: Path) -> None:
     graph_of(file, None)
     with pytest.raises(UsageError, match=r"lists no graph of tcp@.*training graphs .*tcp\.safetensors.*engine='torch'"):
-        Policy.of("tcp", NETWORK, weights=file)
-    assert Policy.of("tcp", NETWORK, weights=file, engine="torch").label.startswith("tcp@0.0:")
+        LoadedNetwork.of("tcp", NETWORK, weights=file)
+    assert LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch").label.startswith("tcp@0.0:")
 
 
 def test_a_manifest_may_name_graphs_of_its_own_folder_only(file: Path) -> None:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from drive_robust_agents._planning import mkz
 from drive_robust_agents._planning.control import pedals, speed_profile, steer_along
+from drive_robust_agents._vehicle import mkz
 from pytest_drive_robust.domain.truth import EgoState
 
 

@@ -23,7 +23,7 @@ def seconds(truth: GroundTruth, *plans: tuple[float, float, float], stop_row: fl
     path = path_of(scene, np.zeros(scene.count), ego.x_m, ego.y_m, speed_mps=ego.speed_mps)
     found, _ = rollouts(
         path, ego.x_m, ego.speed_mps, scene.size, traffic.forecast, traffic.boxes,
-        leaders(path, ego.x_m, traffic.boxes), np.array(plans), scene.limits, scene.boxes, stop_row, WAITING,
+        leaders(path, ego.x_m, traffic.boxes), np.array(plans), scene.limits, scene.junctions, stop_row, WAITING,
         3.0, 30,
     )  # fmt: skip
     return list(found)

@@ -6,7 +6,8 @@ import pytest
 from privileged_scene import actor, street
 
 from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import TICK_S, Traffic
+from drive_robust_agents._planning.traffic import Traffic
+from drive_robust_agents._vehicle.mkz import TICK_S
 
 _ACCELERATION = 6
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers.kalman import PositionFilter, published_motion
 from pytest_drive_robust import Control
 

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
-from drive_robust_agents._nets.inference import ENGINES, ROWS, Policy
+from drive_robust_agents._nets.inference import ENGINES, ROWS, LoadedNetwork
 from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.tcp import TCP
@@ -126,7 +126,9 @@ def inputs_of(agent: type[LearnedAgent], rows: int) -> dict[str, NDArray[Any]]:
 def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedAgent]) -> None:
     given = inputs_of(agent, ROWS)
     for method in ("forward", GENERATE) if agent is SimLingo else ("forward",):
-        plans = [Policy.of(agent.name, agent.architecture, engine=engine).run(method, **given) for engine in ENGINES]
+        plans = [
+            LoadedNetwork.of(agent.name, agent.architecture, engine=engine).run(method, **given) for engine in ENGINES
+        ]
         assert set(plans[0]) == set(plans[1])
         for name in {"path", "waypoints", "action", "answer"} & set(plans[0]):
             assert np.abs(plans[0][name] - plans[1][name]).max() < TOLERANCE, (method, name)
@@ -135,10 +137,10 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
 @every_agent
 def test_a_graph_computes_a_row_alike_in_any_company(agent: type[LearnedAgent]) -> None:
     """But for last bits: they are up to the processor, and lockstep checks them before it begins."""
-    policy, given = Policy.of(agent.name, agent.architecture), inputs_of(agent, 8)
-    whole = policy.run(**given)
+    network, given = LoadedNetwork.of(agent.name, agent.architecture), inputs_of(agent, 8)
+    whole = network.run(**given)
     for rows in ([3, 2, 1, 0], [0, 5, 6], [7, 6, 5, 4, 0, 0]):
-        again = policy.run(**{name: values[rows] for name, values in given.items()})
+        again = network.run(**{name: values[rows] for name, values in given.items()})
         assert all(np.abs(again[name] - whole[name][rows]).max() < TOLERANCE for name in whole)
 
 
@@ -148,7 +150,7 @@ def test_the_graphs_that_ship_are_open_to_any_program_beside_their_weights(agent
     given = inputs_of(agent, 1)
     plain = onnxruntime.InferenceSession(weights.SHIPPED / f"{agent.name}.onnx", providers=["CPUExecutionProvider"])
     found = dict(zip([one.name for one in plain.get_outputs()], plain.run(None, given), strict=True))
-    expected = Policy.of(agent.name, agent.architecture).run(**given)
+    expected = LoadedNetwork.of(agent.name, agent.architecture).run(**given)
     assert np.abs(found["waypoints"] - expected["waypoints"]).max() < TOLERANCE
 
 

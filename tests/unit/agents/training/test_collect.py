@@ -12,7 +12,8 @@ from training_drives import data_seed, key_of, route_of, samples_of
 from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
-from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of, main
+from drive_robust_agents.training.__main__ import main
+from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of
 from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
@@ -125,7 +126,7 @@ def test_a_teacher_of_its_own_is_noted_and_data_from_before_there_was_one_goes_o
 @pytest.mark.parametrize("option", ["--room", "--halt"])
 def test_a_teacher_that_waits_for_ever_is_refused(option: str, tmp_path: Path, capsys) -> None:
     with pytest.raises(SystemExit) as caught:
-        main(["--agent", "tcp", "--out", str(tmp_path / "frames"), option, "-1"])
+        main(["collect", "--agent", "tcp", "--out", str(tmp_path / "frames"), option, "-1"])
     assert caught.value.code == 4
     assert f"{option} is -1.0, expected 0 to 5 seconds." in capsys.readouterr().err
     assert not (tmp_path / "frames").exists()
@@ -242,7 +243,7 @@ def test_what_cannot_be_collected_is_said_before_anything_is_written(
     arguments: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit) as ended:
-        main([*arguments, "--out", str(tmp_path / "frames")])
+        main(["collect", *arguments, "--out", str(tmp_path / "frames")])
     assert ended.value.code == 4
     assert message in capsys.readouterr().err
     assert not (tmp_path / "frames").exists()
@@ -256,5 +257,5 @@ def test_an_interrupted_run_says_how_to_go_on(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(collect_module, "written", interrupted)
-    assert main(["--agent", "tcp", "--out", str(tmp_path / "frames")]) == 130
+    assert main(["collect", "--agent", "tcp", "--out", str(tmp_path / "frames")]) == 130
     assert "the same command goes on" in capsys.readouterr().out

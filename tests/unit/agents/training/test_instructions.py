@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ torch = pytest.importorskip("torch")
 
 
 from drive_robust_agents._nets.prompts import Instruction, Kind  # noqa: E402
+from drive_robust_agents.training.__main__ import main  # noqa: E402
 from drive_robust_agents.training.instructions import InstructionScore, obeys, table  # noqa: E402
 
 
@@ -56,3 +58,12 @@ def test_the_table_says_when_there_was_nothing_to_see() -> None:
         "-",
         "-",
     ]
+
+
+def test_without_frames_the_command_says_how_to_collect_some(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["instructions", str(tmp_path)])
+    assert ended.value.code == 4
+    assert "collect --agent NAME" in capsys.readouterr().err

@@ -13,9 +13,9 @@ from pytest_drive_robust.domain.route import RoadOption, Route, ScenarioSpec, Tr
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
-from pytest_drive_robust.simulators.embedded.generate import change_length_m, weave
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
 from pytest_drive_robust.simulators.embedded.map import compile_town, prolonged
+from pytest_drive_robust.simulators.embedded.weave import change_length_m, weave
 
 LEFT, RIGHT = RoadOption.CHANGE_LANE_LEFT, RoadOption.CHANGE_LANE_RIGHT
 CASES = {

@@ -15,8 +15,9 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.actors import ActorSpec, Arrival, Script
 from pytest_drive_robust.simulators.embedded.generate import draw_route
+from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED, green_then_red
 from pytest_drive_robust.simulators.embedded.scenarios import SCENARIOS, ScenarioType
-from pytest_drive_robust.simulators.embedded.stage import GREEN, RED, Stage, green_then_red
+from pytest_drive_robust.simulators.embedded.stage import Stage
 from pytest_drive_robust.simulators.embedded.world import World
 
 COAST = Control(throttle=0.55)

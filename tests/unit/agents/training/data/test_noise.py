@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.noise import burst_plan, burst_steer
 from pytest_drive_robust import Control

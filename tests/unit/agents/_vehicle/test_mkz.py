@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._planning import mkz
+from drive_robust_agents._vehicle import mkz
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded.kernels.mkz import MKZ_STEER_MAX_RAD, mkz_speed, mkz_turn

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from pytest_drive_robust import Control
 from pytest_drive_robust.arithmetic.scalars import atan, sin, tan
 
-__all__ = ["REAR_M", "STEER_MAX_RAD", "WHEELBASE_M", "Moved", "Pedals", "eased", "moved", "pedals", "steer"]
+__all__ = ["REAR_M", "STEER_MAX_RAD", "TICK_S", "WHEELBASE_M", "Moved", "Pedals", "eased", "moved", "pedals", "steer"]
 
 STEER_MAX_RAD = 0.36848336
 """What a full `steer` turns the wheels by, at once."""
@@ -21,12 +21,13 @@ REAR_M = 1.4178275
 """From the rear axle to the middle."""
 WHEELBASE_M = -0.090769015 + REAR_M
 """Of the fit: wheels that are turned by a small angle make the middle follow a curvature of the angle over this."""
-_DT_S = 0.05
+TICK_S = 0.05
+"""From one tick to the next; an observation tells its own."""
 _EASE = 0.22
 """The share of a tick on the way to a higher acceleration: that of an engine with a lag of 0.2 s (`forecast`)."""
-_LEAST, _COAST = 0.3, 0.5 * 3.6 * 0.05
+_LEAST, _COAST = 0.3, 0.5 * 3.6 * TICK_S
 _LEAN, _LEAN_KMH = 0.5, 64.8
-_MOST_KMH, _FALL_OFF = 90.0, 0.1 * 0.05
+_MOST_KMH, _FALL_OFF = 90.0, 0.1 * TICK_S
 _BRAKES = (2.44419284e-9, -4.90357228e-7, 5.06587474e-5, -2.83832427e-3, 0.0820967431, 9.31711370e-3)
 
 
@@ -65,13 +66,13 @@ def eased(acceleration_mps2: float, wanted_mps2: float) -> float:
 def moved(speed_mps: float, control: Control) -> Moved:
     """Return what a control does in a tick, but for the limits of grip."""
     slip = atan(REAR_M / WHEELBASE_M * tan(control.steer * STEER_MAX_RAD))
-    return Moved(slip, _DT_S * sin(slip) / REAR_M, _speed_after(speed_mps, control.throttle, control.brake))
+    return Moved(slip, TICK_S * sin(slip) / REAR_M, _speed_after(speed_mps, control.throttle, control.brake))
 
 
 def pedals(speed_mps: float, acceleration_mps2: float) -> Pedals:
     """Return the pedals that give an acceleration in the next tick, or the nearest there is."""
     kmh = min(3.6 * speed_mps, _MOST_KMH)
-    wanted = 3.6 * 0.05 * acceleration_mps2 + _FALL_OFF * (3.6 * speed_mps - kmh)
+    wanted = 3.6 * TICK_S * acceleration_mps2 + _FALL_OFF * (3.6 * speed_mps - kmh)
     least = _gained(kmh)
     if wanted < least - _COAST:
         coasting = max(kmh + least - _COAST, 0.0)

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._planning import mkz
-from drive_robust_agents._planning.mkz import Pedals
-from drive_robust_agents._planning.plain_car import WHEELBASE_M, pedals_from_plain, steer_from_plain
+from drive_robust_agents._vehicle import mkz
+from drive_robust_agents._vehicle.mkz import Pedals
+from drive_robust_agents._vehicle.plain_car import WHEELBASE_M, pedals_from_plain, steer_from_plain
 from pytest_drive_robust.domain.control import Control
 
 DT_S = 0.05

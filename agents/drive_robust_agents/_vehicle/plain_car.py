@@ -6,8 +6,8 @@ pushes and whose brakes decelerate in proportion, with drag and with an engine w
 
 from __future__ import annotations
 
-from drive_robust_agents._planning import mkz
-from drive_robust_agents._planning.mkz import Pedals
+from drive_robust_agents._vehicle import mkz
+from drive_robust_agents._vehicle.mkz import Pedals
 from pytest_drive_robust.arithmetic.scalars import atan, cos, tan
 
 __all__ = ["WHEELBASE_M", "pedals_from_plain", "steer_from_plain"]
