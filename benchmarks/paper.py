@@ -10,9 +10,9 @@ may well be broken:
 
 Any two routes or more will do, the same for all agents: `one-per-scenario` has 44, `full` 220. It may be driven in
 parts, with a report each: some routes and then others, one setting at a time, as in `-k "reading and occlusion-0.8"`,
-and every seed by itself, `--drive-seeds 1`. The second route of each type:
+and every seed by itself, `--drive-seeds 1`. The third route of each type:
 
-    --drive-routes $(seq -s, 102 100 4402)
+    --drive-routes $(seq -s, 103 100 4403)
 
 Then draw, from all such reports; of an agent that is in several files on the same routes each setting is that of the
 last one, if all belong to the same clean run (else a new report must hold all that the old one does), so that it can be
@@ -28,7 +28,7 @@ New weights drive all routes again. Their reports take the place of what the fir
 
 All agents must hold the same routes. Of those that hold more than the others:
 
-    python benchmarks/paper.py benchmarks/paper/results.json benchmarks/paper/second/results.json \\
+    python benchmarks/paper.py benchmarks/paper/results.json tcp-3.json simlingo-3.json \\
         --only tcp simlingo --write elsewhere
 
 Written are `results.json` (score, success and efficiency of every episode, comfort of every row and seed), `table.md`,
