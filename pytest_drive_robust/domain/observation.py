@@ -73,7 +73,7 @@ class CameraSpec:
         if shape is None or kind is None:
             return f"the pixels of {self.name} are a {type(image.pixels).__name__}, expected an array"
         expected = (self.height_px, self.width_px, 3)
-        if shape != expected or str(kind) != "uint8":
+        if shape != expected or kind != "uint8":
             return f"{self.name} is {shape} {kind}, expected {expected} uint8"
         return None
 

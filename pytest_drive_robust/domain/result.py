@@ -68,6 +68,16 @@ class Trace:
         """Return some columns at once; a stored trace unpacks these only, and keeps nothing of them in memory."""
         return tuple(self.column(name) for name in names)
 
+    def problem(self) -> str | None:
+        """Return what is no number (`"speed_mps is nan after 31 ticks, expected a finite number"`), or None."""
+        import numpy as np
+
+        wrong = np.argwhere(~np.isfinite(self.rows))
+        if not len(wrong):
+            return None
+        tick, column = wrong[0]
+        return f"{self.COLUMNS[column]} is {self.rows[tick, column]:g} after {tick + 1} ticks, expected a finite number"
+
     @property
     def digest(self) -> str:
         """Hex digest of the bytes: equal digests mean bit-identical trajectories."""

@@ -216,11 +216,10 @@ class RunningEpisode:
             raise SimulationError(
                 f"observe() gave images of {sorted(captured.cameras)}, expected those of {sorted(self._mounted)}"
             )
-        if self.ticks == 0:  # images are of one kind in a whole episode
-            for name, camera in self._mounted.items():
-                problem = camera.image_problem(captured.cameras[name])
-                if problem is not None:
-                    raise SimulationError(f"observe() gave an image of another kind: {problem}")
+        for name, camera in self._mounted.items():
+            problem = camera.image_problem(captured.cameras[name])
+            if problem is not None:
+                raise SimulationError(f"observe() gave an image of another kind: {problem}")
         return captured
 
     def _truth(self) -> GroundTruth:
@@ -276,10 +275,13 @@ class RunningEpisode:
         score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
+        trace = self._trace()
         try:
             self._enter("sim")
             if self.state is not None and not isinstance(self.crash, SimulationError):
                 score = _checked_score(self.simulator.score())
+                if (problem := trace.problem()) is not None:
+                    raise SimulationError(f"the world's {problem}")
             if self.stack is not None:
                 schedule = _checked_schedule(self.stack.schedule())
             versions = {str(name): str(version) for name, version in self.simulator.versions().items()}
@@ -299,7 +301,7 @@ class RunningEpisode:
             ticks=self.ticks,
             dt_s=self.simulator.dt_s,
             wall_s=self.share_s or time.perf_counter() - self.started_s,
-            trace=self._trace(),
+            trace=trace,
             schedule=schedule,
             inference_s=tuple(self.stack.inference_s) if self.stack is not None else (),
             privileged=self.privileged,

@@ -616,10 +616,22 @@ def test_images_that_the_world_does_not_give_are_not_blamed_on_the_agent(
 ) -> None:
     class Blind(FakeSimulator):
         def observe(self) -> Observation:
-            return change(super().observe())
+            return change(super().observe()) if self._tick >= 20 else super().observe()
 
     result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), simulator=Blind())
-    assert (result.end, result.end_detail) == (End.SIMULATION_CRASHED, told)
+    assert (result.end, result.ticks, result.end_detail) == (End.SIMULATION_CRASHED, 20, told)
+
+
+@pytest.mark.parametrize("name", ["x_m", "speed_mps", "forward_mps2"])
+def test_an_ego_whose_motion_is_no_number_is_not_scored(name: str) -> None:
+    class Lost(FakeSimulator):
+        def step(self, control: Control) -> WorldState:
+            state = super().step(control)
+            return replace(state, ego=replace(state.ego, **{name: math.nan})) if self._tick == 31 else state
+
+    result = drive(ScriptedAgent([FULL]), simulator=Lost())
+    assert (result.outcome, result.route_completion_pct) == (Outcome.INFRA_ERROR, 0.0)
+    assert f"the world's {name} is nan after 31 ticks, expected a finite number" in result.end_detail
 
 
 def test_what_was_injected_is_checked_before_it_is_stored() -> None:
