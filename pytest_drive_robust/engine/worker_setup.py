@@ -67,8 +67,8 @@ class WorkerSetup:
     ) -> subprocess.Popen[bytes]:
         """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
 
-        It finds `content` pickled at its standard input, and in its environment the number of threads and a hash seed:
-        an agent that iterates over a set of strings drives alike in every process. One that the user chose stays.
+        It finds `content` pickled at its standard input, and in its environment the number of threads and one hash
+        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -83,7 +83,7 @@ class WorkerSetup:
                 stdout=output,
                 stderr=output,
                 pass_fds=pass_fds,
-                env={"PYTHONHASHSEED": "0", **os.environ, **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))},
+                env={**os.environ, "PYTHONHASHSEED": "0", **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))},
                 cwd=self.folder,
                 start_new_session=True,
             )
