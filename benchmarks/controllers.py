@@ -87,7 +87,7 @@ class Perfect:
 
     def act(self, observation: Observation) -> Control:
         assert observation.truth is not None
-        ego, gps = observation.truth.frame.ego, observation.gps
+        ego, gps = observation.truth.state.ego, observation.gps
         self.expert.act(observation)
         self._tick = observation.tick
         if not self._future or self.age_ticks >= self._every:
@@ -122,7 +122,7 @@ class Perfect:
 
     def _drive_on(self, observation: Observation) -> list[EgoState]:
         simulator, fork, kept = self._simulator, self.expert.fork(), self._simulator.snapshot()
-        found = [simulator.frame.ego]
+        found = [simulator.state.ego]
         while len(found) <= self._ticks and simulator.done is None:
             control = fork.act(replace(observation, truth=simulator.truth()))
             found.append(simulator.step(control).ego)

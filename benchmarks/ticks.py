@@ -122,11 +122,11 @@ def highway(vehicles: int, ticks: int) -> Callable[[], int]:
 def vehicles_on(route: Route) -> float:
     """Count the ego and the vehicles that are on the road, on average over ten seconds."""
     simulator = EmbeddedSimulator()
-    frame = simulator.reset(route, seed=0, cameras=())
+    state = simulator.reset(route, seed=0, cameras=())
     counts = []
     for _ in range(COUNTED_TICKS):
-        counts.append(1 + int(np.sum(frame.actors[:, WorldState.KIND] <= ActorKind.BICYCLE)))
-        frame = simulator.step(CONTROL)
+        counts.append(1 + int(np.sum(state.actors[:, WorldState.KIND] <= ActorKind.BICYCLE)))
+        state = simulator.step(CONTROL)
     return statistics.mean(counts)
 
 

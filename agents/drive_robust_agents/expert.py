@@ -136,7 +136,7 @@ class Expert:
         now = self._see(self._scene, truth)
         self._held_back = self._waits_beside_the_lane(self._lanes, now)
         if self._held_back:
-            return self._control(truth.frame.ego, self._lanes.profile, now, -1.0, now.stop_row)
+            return self._control(truth.state.ego, self._lanes.profile, now, -1.0, now.stop_row)
         obstacle = self._choose_lane(self._lanes, now, truth)
         profile = self._profile(self._lanes, now, truth)
         stop = min(now.stop_row, self._lanes.stop_row(), self._before(obstacle, now))
@@ -149,11 +149,11 @@ class Expert:
             hurry=self._hurries(self._lanes, profile, now),
         )
         self._held_back |= obstacle is not None and not obstacle.moving
-        return self._control(truth.frame.ego, profile, now, acceleration, stop)
+        return self._control(truth.state.ego, profile, now, acceleration, stop)
 
     def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
         """Gather everything that the decisions of this tick need."""
-        world, ego = truth.frame, truth.frame.ego
+        world, ego = truth.state, truth.state.ego
         elapsed_s = TICK_S * self._ticks
         self._traffic.update(world, scene.graph, elapsed_s)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
@@ -180,7 +180,7 @@ class Expert:
         """Begin what can be begun; return the obstacle that has to be waited for, or None."""
         if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
-        for shift in self._siren.shifts(now.scene, self._traffic, truth.frame, now.row):
+        for shift in self._siren.shifts(now.scene, self._traffic, truth.state, now.row):
             if self._is_free(lanes.profile + shift, now, now.row + 30.0):
                 self._siren.step_aside(shift)
                 break
@@ -243,7 +243,7 @@ class Expert:
 
     def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
         """Return the profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
-        aside = self._siren.profile(self._traffic, truth.frame)
+        aside = self._siren.profile(self._traffic, truth.state)
         if aside is not None:
             return lanes.profile + aside
         if self._pass is not None:

@@ -50,7 +50,7 @@ class Reactive:
             raise ValueError("reactive needs Observation.truth: it is a privileged agent")
         if self._limits is None:
             self._limits = speed_profile(truth.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
-        ego = truth.frame.ego
+        ego = truth.state.ego
         wanted = self._limits[min(truth.progress + int(0.3 * ego.speed_mps) + 1, len(self._limits) - 1)]
         gap, speed = _leader(truth)
         return pedals(
@@ -60,7 +60,7 @@ class Reactive:
 
 def _leader(truth: GroundTruth) -> tuple[float, float]:
     """Return (bumper-to-bumper metres, speed along the route) of the nearest body in the corridor, or (inf, 0)."""
-    world, ego = truth.frame, truth.frame.ego
+    world, ego = truth.state, truth.state.ego
     rows = world.actors[world.actors[:, WorldState.KIND] != ActorKind.DIRT]
     boxes = np.ascontiguousarray(
         rows[:, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]]

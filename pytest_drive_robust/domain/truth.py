@@ -169,12 +169,12 @@ class GroundTruth:
     ego has reached.
     """
 
-    frame: WorldState
+    state: WorldState
     lane_map: LaneMap
     route: Floats
     progress: int
 
     def private(self) -> GroundTruth:
         """Return the truth of this moment in arrays of its own. The lane map is static and stays shared."""
-        frame = replace(self.frame, actors=self.frame.actors.copy(), lights=self.frame.lights.copy())
-        return replace(self, frame=frame, route=self.route.copy())
+        state = replace(self.state, actors=self.state.actors.copy(), lights=self.state.lights.copy())
+        return replace(self, state=state, route=self.route.copy())

@@ -61,7 +61,7 @@ def map_data(truth: GroundTruth) -> dict[str, Any]:
 
     return {
         "name": lane_map.name,
-        "ego": [_cm(truth.frame.ego.length_m), _cm(truth.frame.ego.width_m)],
+        "ego": [_cm(truth.state.ego.length_m), _cm(truth.state.ego.width_m)],
         "route": _line(route[:, :2]),
         "lanes": [_lane(lane) for lane in lane_map.lanes if near(lane.centre[:, :2])],
         "stops": [

@@ -76,7 +76,7 @@ class FakeSimulator:
         self._captured = dict.fromkeys(self._buffers, 0)
         parked_x_m = random.Random(f"{route.id} {seed}".encode("utf-8", "surrogatepass")).uniform(10.0, 50.0)
         self._actors = np.array([[7.0, 0.0, parked_x_m, 4.0, 0.0, 0.0, 4.5, 1.9, 1.5, 0.0]])
-        return self._frame()
+        return self._state()
 
     def plan(self) -> GlobalPlan:
         """Return a point every 50 m and one at the end, all `LANE_FOLLOW`."""
@@ -106,7 +106,7 @@ class FakeSimulator:
         x_m = np.arange(0.0, self._length_m + 1.0)
         zeros = np.zeros_like(x_m)
         rows = np.column_stack([x_m, zeros, zeros, np.full_like(x_m, _SPEED_LIMIT_MPS)])
-        return GroundTruth(self._frame(), _lane_map(x_m), rows, min(int(self.progress_m), len(x_m) - 1))
+        return GroundTruth(self._state(), _lane_map(x_m), rows, min(int(self.progress_m), len(x_m) - 1))
 
     def step(self, control: Control) -> WorldState:
         """Advance: throttle up to 3 m/s2, brake up to 8 m/s2, rolling 0.05 m/s2 per m/s; never backwards."""
@@ -128,7 +128,7 @@ class FakeSimulator:
         )
         self._stood_s = self._stood_s + dt if speed < 0.1 else 0.0
         self._tick += 1
-        return self._frame()
+        return self._state()
 
     @property
     def done(self) -> End | None:
@@ -169,7 +169,7 @@ class FakeSimulator:
     def close(self) -> None:
         """Do nothing: there is nothing to free."""
 
-    def _frame(self) -> WorldState:
+    def _state(self) -> WorldState:
         return WorldState(self._tick, self._ego, self._actors, np.zeros(0, dtype=np.int64))
 
     def _draw(self, camera: CameraSpec) -> None:

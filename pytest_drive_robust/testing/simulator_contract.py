@@ -145,7 +145,7 @@ def _stamps(observations: list[Observation], dt_s: float) -> Check:
 
 def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
     try:
-        frame = simulator.reset(route, seed=seed, cameras=_cameras(simulator.dt_s))
+        before = simulator.reset(route, seed=seed, cameras=_cameras(simulator.dt_s))
         observation, truth = simulator.observe(), simulator.truth()
         after = simulator.step(Control.NEUTRAL)
     except BLAMED as error:
@@ -154,10 +154,10 @@ def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
         return Check("truth", False, f"truth gave {truth!r}, expected a GroundTruth.")
     if observation.truth is not None:
         return Check("truth", False, "observe gives the ground truth away: leave truth out.")
-    if (frame.tick, truth.frame.tick, after.tick) != (0, 0, 1):
-        told = f"reset, truth and step give frames of ticks {frame.tick}, {truth.frame.tick} and {after.tick}"
+    if (before.tick, truth.state.tick, after.tick) != (0, 0, 1):
+        told = f"reset, truth and step give states of ticks {before.tick}, {truth.state.tick} and {after.tick}"
         return Check("truth", False, f"{told}, expected 0, 0 and 1.")
-    return Check("truth", True, "observe leaves the ground truth out, and frames count from 0.")
+    return Check("truth", True, "observe leaves the ground truth out, and states count from 0.")
 
 
 def _states(simulator: Simulator, route: Route, seed: int) -> Check:

@@ -30,7 +30,7 @@ def test_a_future_ages_by_ticks_of_the_world_and_not_by_calls(sentence: str) -> 
         steer = by_waypoints(tuning.UNIAD, 6)()
 
         def noting(net: Perfect, ego: EgoState, mps: float, target: Point) -> Control:
-            asked.append((world.frame.tick, net.age_ticks))
+            asked.append((world.state.tick, net.age_ticks))
             (forward, _), *_ = net.waypoints(ego, 0.05, 1)
             behind.append(-forward)
             return steer(net, ego, mps, target)

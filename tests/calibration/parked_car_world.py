@@ -36,18 +36,18 @@ class ParkedCarWorld(FakeSimulator):
     """
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
-        frame = super().reset(route, seed=seed, cameras=cameras)
+        state = super().reset(route, seed=seed, cameras=cameras)
         self._parked_m = random.Random(f"parked {route.id} {seed}").uniform(12.0, 15.0)
         self._actors[0, WorldState.X] = self._parked_m
         self._passed_mps = 0.0
-        return frame
+        return state
 
     def step(self, control: Control) -> WorldState:
         before_m = self._ego.x_m
-        frame = super().step(control)
+        state = super().step(control)
         if before_m < self._parked_m <= self._ego.x_m:
             self._passed_mps = self._ego.speed_mps
-        return frame
+        return state
 
     @property
     def done(self) -> End | None:

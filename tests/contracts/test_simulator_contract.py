@@ -222,7 +222,7 @@ def test_a_speed_that_is_left_of_the_last_episode_is_found() -> None:
             super().reset(route, seed=seed, cameras=cameras)
             if before is not None:
                 self._ego = replace(self._ego, speed_mps=before.speed_mps)
-            return self._frame()
+            return self._state()
 
     report = check_simulator(Rolling)
     assert failed(report) == ["reset"]

@@ -72,14 +72,14 @@ def straight_lane(index=0, *, y_m=0.0, length_m=100.0, successors=(), start_m=0.
 def truth_with(*actors, lanes=(), tick=0, speed_mps=6.0):
     """Return the ego at the origin, heading east, and boxes: (kind, x, y, yaw, speed, length, width, height) each."""
     rows = [(k, kind, x, y, yaw, speed, *size, 0) for k, (kind, x, y, yaw, speed, *size) in enumerate(actors)]
-    frame = WorldState(
+    state = WorldState(
         tick,
         EgoState(0.0, 0.0, 0.0, speed_mps, 0.0, 0.0, 0.0, 4.9, 1.84),
         np.array(rows, dtype=float).reshape(-1, 10),
         np.zeros(0, dtype=np.int64),
     )
     lane_map = LaneMap("Strip", lanes or (straight_lane(),), (), np.zeros((0, 4, 2)), np.zeros((0, 6)))
-    return GroundTruth(frame, lane_map, np.array([[0.0, 0.0, 0.0, 13.9]]), 0)
+    return GroundTruth(state, lane_map, np.array([[0.0, 0.0, 0.0, 13.9]]), 0)
 
 
 CAR_AHEAD = (ActorKind.CAR, 22.0, 0.0, 0.0, 2.0, 4.0, 2.0, 1.5)

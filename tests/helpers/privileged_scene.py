@@ -86,5 +86,5 @@ def observation(truth: GroundTruth | None, tick: int = 0) -> Observation:
 def seen(truth: GroundTruth) -> tuple[StaticScene, Traffic]:
     """Return the scene and the traffic as the expert sees them in its first tick."""
     scene, traffic = StaticScene(truth), Traffic()
-    traffic.update(truth.frame, scene.graph)
+    traffic.update(truth.state, scene.graph)
     return scene, traffic

@@ -20,7 +20,7 @@ from pytest_drive_robust.testing import ScriptedAgent
 
 
 def crawl(observation):
-    route, ego = observation.truth.route, observation.truth.frame.ego
+    route, ego = observation.truth.route, observation.truth.state.ego
     x, y = route[min(observation.truth.progress + 5, len(route) - 1), :2]
     right = -(x - ego.x_m) * math.sin(ego.yaw_rad) + (y - ego.y_m) * math.cos(ego.yaw_rad)
     push = 5.0 - ego.speed_mps

@@ -96,8 +96,8 @@ class StaticScene:
         self.lane_map = truth.lane_map
         self.graph = LaneGraph(truth.lane_map)
         self.limits = speed_profile(self.route, lateral_mps2=_LATERAL_MPS2, brake_mps2=_BRAKE_MPS2)
-        self.size = np.array([truth.frame.ego.length_m, truth.frame.ego.width_m])
-        self.half_length_m, self.half_width_m = truth.frame.ego.length_m / 2.0, truth.frame.ego.width_m / 2.0
+        self.size = np.array([truth.state.ego.length_m, truth.state.ego.width_m])
+        self.half_length_m, self.half_width_m = truth.state.ego.length_m / 2.0, truth.state.ego.width_m / 2.0
         self.lanes = self._lanes_under()
         self.junctions = self._junctions()
         self.stops = self._stops()

@@ -32,7 +32,7 @@ def sweep(sensor: Sensor, truth: GroundTruth) -> NDArray[np.float32]:
     """Return (n, 4) points of this tick: metres forward, right and up of the sensor, and intensity 0..1."""
     pose = _pose(sensor, truth)
     boxes, _ = _boxes_near(truth, *pose[:2], reach_m=_LIDAR_REACH_M)
-    start = 0.0 if truth.frame.tick % 2 == 0 else np.pi
+    start = 0.0 if truth.state.tick % 2 == 0 else np.pi
     azimuths = start + np.pi * (np.arange(_AZIMUTHS) + 0.5) / _AZIMUTHS
     slopes = np.tan(np.radians(np.linspace(_LOWEST_DEG, _HIGHEST_DEG, _CHANNELS) + sensor.pitch_deg))
     flat, met = _first_hits(pose, sensor.z_m, azimuths, slopes, boxes, reach_m=_LIDAR_REACH_M)
@@ -48,7 +48,7 @@ def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.f
 
     Rays leave in directions drawn within the elliptic field of view; those that meet nothing give no detection.
     """
-    tick, ego = truth.frame.tick, truth.frame.ego
+    tick, ego = truth.state.tick, truth.state.ego
     pose = _pose(sensor, truth)
     boxes, velocities = _boxes_near(truth, *pose[:2], reach_m=_RADAR_REACH_M)
     drawn = np.array([draws.uniform(f"{sensor.id} ray {ray}", tick)[:2] for ray in range(_RADAR_RAYS)])
@@ -69,7 +69,7 @@ def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.f
 
 def _pose(sensor: Sensor, truth: GroundTruth) -> tuple[float, float, float]:
     """Return (x, y, yaw) in the world of a sensor that is mounted on the ego."""
-    ego = truth.frame.ego
+    ego = truth.state.ego
     cos, sin = np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)
     x_m = ego.x_m + sensor.x_m * cos - sensor.y_m * sin
     y_m = ego.y_m + sensor.x_m * sin + sensor.y_m * cos
@@ -81,7 +81,7 @@ def _boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) -
 
     (k, 6) of x, y, yaw, length, width, height in metres and radians, and (k, 2) velocities in m/s.
     """
-    actors = truth.frame.actors
+    actors = truth.state.actors
     actors = actors[actors[:, WorldState.KIND] != ActorKind.DIRT]
     columns = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT]
     along = np.stack([np.cos(actors[:, WorldState.YAW]), np.sin(actors[:, WorldState.YAW])], axis=1)

@@ -85,13 +85,13 @@ class Sketch:
         back = place[:2] + 0.3 * (nose - place[:2])
         self.fill(np.stack((nose, back + half, back - half)), OUTLINE)
 
-    def scene(self, stop_lines: tuple[StopLine, ...], frame: WorldState, paint: Callable[[int], Colour]) -> None:
+    def scene(self, stop_lines: tuple[StopLine, ...], state: WorldState, paint: Callable[[int], Colour]) -> None:
         """Draw lights, stop signs and all actors; `paint` gives the colour of an ordinary car by its id."""
         for index, line in enumerate(stop_lines):
-            colour = _LAMPS[int(frame.lights[index]) if line.is_light else int(LightState.STOP_SIGN)]
+            colour = _LAMPS[int(state.lights[index]) if line.is_light else int(LightState.STOP_SIGN)]
             for shown, thick_px in ((colour, -1), (OUTLINE, 1)):
                 self.disc((line.pole_x_m, line.pole_y_m), _LAMP_PX, shown, thick_px)
-        for actor in frame.actors:
+        for actor in state.actors:
             self._actor(actor, paint)
 
     def _actor(self, actor: Floats, paint: Callable[[int], Colour]) -> None:
@@ -131,7 +131,7 @@ def ground_picture(lane_map: LaneMap, region: Region) -> Sketch:
 
 def draw_bev(
     lane_map: LaneMap,
-    frame: WorldState,
+    state: WorldState,
     route: Floats,
     *,
     size_px: int = 512,
@@ -143,10 +143,10 @@ def draw_bev(
 
     `route` (n, 2 or more) are points in metres, and `line_px` is how thick they are drawn.
     """
-    x, y = centre if centre is not None else (frame.ego.x_m, frame.ego.y_m)
+    x, y = centre if centre is not None else (state.ego.x_m, state.ego.y_m)
     region = Region(x - metres / 2.0, y - metres / 2.0, size_px, size_px, metres / size_px)
     sketch = ground_picture(lane_map, region)
     sketch.line(route, _ROUTE, line_px)
-    sketch.scene(lane_map.stop_lines, frame, paint_of)
-    sketch.vehicle(footprint(frame.ego), _EGO)
+    sketch.scene(lane_map.stop_lines, state, paint_of)
+    sketch.vehicle(footprint(state.ego), _EGO)
     return sketch

@@ -136,7 +136,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
     def render(self) -> NDArray[np.uint8]:
         """Return a bird's-eye view, (512, 512, 3) uint8 RGB."""
         world = self._simulator.world
-        return draw_bev(world.lane_map, self._simulator.frame, world.dense.rows).pixels
+        return draw_bev(world.lane_map, self._simulator.state, world.dense.rows).pixels
 
     def close(self) -> None:
         """Free the world."""

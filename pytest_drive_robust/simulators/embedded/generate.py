@@ -175,12 +175,12 @@ def _parameters(kind: ScenarioType, rng: RandomNumbers) -> dict[str, dict[str, f
 
 def _in_the_way(world: World) -> str | None:
     """Return the name of what stands where the ego starts, or None."""
-    frame = world.frame()
-    ego = frame.ego
+    now = world.now()
+    ego = now.ego
     room = ego.length_m + 2.0 * _ELBOW_ROOM_M, ego.width_m + 2.0 * _ELBOW_ROOM_M
-    for actor in frame.actors:
-        place_ = actor[[frame.X, frame.Y, frame.YAW, frame.LENGTH, frame.WIDTH]]
-        kind = ActorKind(int(actor[frame.KIND]))
+    for actor in now.actors:
+        place_ = actor[[now.X, now.Y, now.YAW, now.LENGTH, now.WIDTH]]
+        kind = ActorKind(int(actor[now.KIND]))
         depth = overlap(ego.x_m, ego.y_m, ego.yaw_rad, *room, *(float(value) for value in place_))[0]
         if depth > 0.0 and kind is not ActorKind.DIRT:
             return kind.name.lower()

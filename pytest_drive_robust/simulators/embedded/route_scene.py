@@ -37,7 +37,7 @@ class RouteScene:
 
     route: Route
     world: World
-    frame: WorldState
+    state: WorldState
     ridden_m: float
     walks: Floats
 
@@ -63,7 +63,7 @@ def telling_moment(route: Route, *, seed: int = 0) -> RouteScene:
         if (world.state.actor_ints[waiting, c.I_PHASE] >= c.PHASE_SCRIPT).any():
             since_start_s += DT_S
     _put_ego(world, min(ridden, last), _speed_at(world, ridden))
-    return RouteScene(route, world, world.frame(), ridden, _walks(world))
+    return RouteScene(route, world, world.now(), ridden, _walks(world))
 
 
 def _speed_at(world: World, ridden_m: float) -> float:

@@ -53,7 +53,7 @@ def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | Non
         camera = replace(camera, width_px=round(size_px * 16 / 9), height_px=size_px)
         rows = scene.world.dense.rows
         rig = CameraRig(scene.world.lane_map, scene.route.weather, (camera,), around=rows)
-        picture = np.hstack((picture, rig.render(scene.frame)[camera.name]))
+        picture = np.hstack((picture, rig.render(scene.state)[camera.name]))
     caption = np.full((_CAPTION_PX, picture.shape[1], 3), _PAPER, np.uint8)
     length = scene.world.dense.length_m
     _write(caption, scene.route.label, 18, 0.46, _INK)
@@ -81,10 +81,10 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
     """Draw a scene from above, finer and reduced, so that paint and outlines stay smooth."""
     dense, fine = scene.world.dense, size_px * _FINER
     centre, metres = _frame_of_interest(scene)
-    sketch = draw_bev(dense.lane_map, scene.frame, dense.rows, size_px=fine, metres=metres, centre=centre, line_px=3)
+    sketch = draw_bev(dense.lane_map, scene.state, dense.rows, size_px=fine, metres=metres, centre=centre, line_px=3)
     for start, end in scene.walks:
         _arrow(sketch, start, end, _WALK)
-    for actor in scene.frame.actors:
+    for actor in scene.state.actors:
         kind, speed, here = actor[WorldState.KIND], actor[WorldState.SPEED], actor[[WorldState.X, WorldState.Y]]
         if kind in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE):
             sketch.disc(here, _RING_M * fine / metres, _WALK, 2)

@@ -51,7 +51,7 @@ class EmbeddedSimulator:
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
         self._now: tuple[World, Sensors] | None = None
-        self._frame: WorldState | None = None
+        self._state: WorldState | None = None
 
     @property
     def world(self) -> World:
@@ -74,8 +74,8 @@ class EmbeddedSimulator:
         world = self._build(route, seed)
         rig = Sensors(cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S)
         self._now = world, rig
-        self._frame = world.frame()
-        return self._frame
+        self._state = world.now()
+        return self._state
 
     def check_route(self, route: Route) -> None:
         """Raise `UsageError` when the route's town, way or scenario cannot be built; build it once to see.
@@ -98,24 +98,24 @@ class EmbeddedSimulator:
 
     def observe(self) -> Observation:
         """Return the clean sensors of this moment."""
-        return self.sensors.observe(self.frame)
+        return self.sensors.observe(self.state)
 
     @property
-    def frame(self) -> WorldState:
+    def state(self) -> WorldState:
         """The dynamic world of this moment."""
-        if self._frame is None:
-            self._frame = self.world.frame()
-        return self._frame
+        if self._state is None:
+            self._state = self.world.now()
+        return self._state
 
     def truth(self) -> GroundTruth:
         """Return the state of the world of this moment."""
-        return self.world.truth(self.frame)
+        return self.world.truth(self.state)
 
     def step(self, control: Control) -> WorldState:
         """Advance by 50 ms."""
         self.world.tick(control)
-        self._frame = self.world.frame()
-        return self._frame
+        self._state = self.world.now()
+        return self._state
 
     @property
     def done(self) -> End | None:
@@ -144,7 +144,7 @@ class EmbeddedSimulator:
             raise SimulationError("a snapshot is of another episode, expected one taken since the last reset")
         self.world.restore(snapshot.state)
         self.sensors.restore(snapshot.images)
-        self._frame = None
+        self._state = None
 
     def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> WorldState:
         """Put the ego elsewhere in this moment of the episode, for data and experiments that branch from it.
@@ -154,8 +154,8 @@ class EmbeddedSimulator:
         can have.
         """
         self.world.place_ego(x_m, y_m, yaw_rad, speed_mps)
-        self._frame = None
-        return self.frame
+        self._state = None
+        return self.state
 
     def versions(self) -> Mapping[str, str]:
         """Return its own version: no version of a library changes a bit."""
@@ -163,4 +163,4 @@ class EmbeddedSimulator:
 
     def close(self) -> None:
         """Forget the current world."""
-        self._now = self._frame = None
+        self._now = self._state = None

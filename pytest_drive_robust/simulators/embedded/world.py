@@ -83,7 +83,7 @@ class World:
         """Note what is only known at the end; once per episode."""
         finish(self._arrays)
 
-    def frame(self) -> WorldState:
+    def now(self) -> WorldState:
         """Return the dynamic world of this moment; its arrays belong to the caller."""
         ego = self.state.ego
         count = actor_rows(self._arrays, self._rows)
@@ -104,9 +104,9 @@ class World:
             lights=self.state.lights.copy(),
         )
 
-    def truth(self, frame: WorldState) -> GroundTruth:
-        """Return `frame` together with the map and the route."""
-        return GroundTruth(frame, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
+    def truth(self, now: WorldState) -> GroundTruth:
+        """Return `now` together with the map and the route."""
+        return GroundTruth(now, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
 
     def snapshot(self) -> State:
         """Return a copy of everything that changes; give it to `restore` to branch from here."""

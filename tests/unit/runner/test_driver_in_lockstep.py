@@ -183,8 +183,8 @@ def test_an_agent_that_writes_to_its_observation_changes_no_other_row() -> None:
                 controls += super().act_batch([agent], [seen])
                 seen.cameras["front"].pixels[:] = 0
                 assert seen.truth is not None
-                assert seen.truth.frame.actors.any()
-                seen.truth.frame.actors[:] = 0.0
+                assert seen.truth.state.actors.any()
+                seen.truth.state.actors[:] = 0.0
             return controls[::-1]
 
     together = [task(metres=metres, seed=seed) for metres, seed in ((20.0, 0), (3.0, 1), (8.0, 2))]

@@ -102,7 +102,7 @@ def drive_mixture(
     phase, found = int(rng.integers(KEEP_TICKS)), list[Sample]()
     agent_reset(agent, simulator.plan(), seed)
     while not episode.over:
-        tick, ego = simulator.frame.tick, simulator.frame.ego
+        tick, ego = simulator.state.tick, simulator.state.ego
         seen = failures.observe(simulator.observe())
         episode.told = seen.gps
         if tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng):

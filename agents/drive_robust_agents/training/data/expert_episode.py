@@ -55,7 +55,7 @@ class ExpertEpisode:
     room: FreeSpace
     night: bool
     told: Gps | None = None
-    frames: list[WorldState] = field(default_factory=list)
+    states: list[WorldState] = field(default_factory=list)
     controls: list[Control] = field(default_factory=list)
 
     @classmethod
@@ -84,7 +84,7 @@ class ExpertEpisode:
 
     def targets(self) -> tuple[Target, Target]:
         """Ask the planners for their targets here; they drop what is reached, as in every tick."""
-        at = self.told or self.simulator.frame.ego
+        at = self.told or self.simulator.state.ego
         return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
 
     def act(self) -> Control:
@@ -97,14 +97,14 @@ class ExpertEpisode:
 
     def step(self, recorded: Control, applied: Control) -> None:
         """Drive on, and note the moment that is left behind."""
-        self.frames.append(self.simulator.frame)
+        self.states.append(self.simulator.state)
         self.controls.append(recorded)
         self.simulator.step(applied)
 
 
 def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
     """Return what the expert acts on; nothing is drawn for it."""
-    return sensed(simulator.frame, cameras={}, truth=simulator.truth())
+    return sensed(simulator.state, cameras={}, truth=simulator.truth())
 
 
 def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:

@@ -44,7 +44,7 @@ def fact_labels(here: ExpertMoment) -> NDArray[np.float32]:
     """Return (16,) float32: the numbers of `FACTS`."""
     truth, intent, ego = here.truth, here.intent, here.ego
     scene, row = intent.scene, intent.row
-    actors, kinds = truth.frame.actors, truth.frame.actors[:, WorldState.KIND]
+    actors, kinds = truth.state.actors, truth.state.actors[:, WorldState.KIND]
     light, light_m = _light(here)
     lead_m, lead_mps = body_ahead(here, actors[kinds <= ActorKind.EMERGENCY])
     still = (kinds > ActorKind.PEDESTRIAN) & (kinds != ActorKind.BUILDING) & (kinds != ActorKind.DIRT)
@@ -66,17 +66,17 @@ def fact_labels(here: ExpertMoment) -> NDArray[np.float32]:
         "wish_mps2": intent.acceleration_mps2,
         "passing": intent.passing,
         "waiting": intent.waiting,
-        "siren": _siren(truth.frame, ego.x_m, ego.y_m, ego.yaw_rad),
+        "siren": _siren(truth.state, ego.x_m, ego.y_m, ego.yaw_rad),
     }
     return np.array([float(found[name]) for name in FACTS], dtype=np.float32)
 
 
 def _light(here: ExpertMoment) -> tuple[float, float]:
     """Return (state, metres) of the next stop line on the route that still means something."""
-    intent, frame = here.intent, here.truth.frame
+    intent, now = here.intent, here.truth.state
     front = intent.row + 0.5 * here.ego.length_m
     for index, at in sorted(intent.scene.stops, key=lambda stop: stop[1]):
-        state = int(frame.lights[index])
+        state = int(now.lights[index])
         honoured = state == LightState.STOP_SIGN and intent.rule_row > at
         if -_LIGHT_PAST_M < at - front < _LIGHT_LOOK_M and not honoured:
             return float(state), max(at - front, 0.0)
@@ -84,9 +84,9 @@ def _light(here: ExpertMoment) -> tuple[float, float]:
 
 
 def _walker_m(here: ExpertMoment) -> float:
-    frame, intent, ego = here.truth.frame, here.intent, here.ego
-    kinds = frame.actors[:, WorldState.KIND]
-    walkers = frame.actors[(kinds == ActorKind.PEDESTRIAN) | (kinds == ActorKind.BICYCLE)]
+    now, intent, ego = here.truth.state, here.intent, here.ego
+    kinds = now.actors[:, WorldState.KIND]
+    walkers = now.actors[(kinds == ActorKind.PEDESTRIAN) | (kinds == ActorKind.BICYCLE)]
     if len(walkers) == 0:
         return LOOK_M
     places = np.ascontiguousarray(walkers[:, [WorldState.X, WorldState.Y, WorldState.YAW]])
@@ -104,10 +104,8 @@ def _junction_m(here: ExpertMoment) -> float:
     return LOOK_M
 
 
-def _siren(frame: WorldState, x: float, y: float, yaw: float) -> bool:
-    rows = frame.actors[
-        (frame.actors[:, WorldState.KIND] == ActorKind.EMERGENCY) & (frame.actors[:, WorldState.SPEED] > 1.0)
-    ]
+def _siren(now: WorldState, x: float, y: float, yaw: float) -> bool:
+    rows = now.actors[(now.actors[:, WorldState.KIND] == ActorKind.EMERGENCY) & (now.actors[:, WorldState.SPEED] > 1.0)]
     dx, dy = rows[:, WorldState.X] - x, rows[:, WorldState.Y] - y
     ahead = dx * math.cos(yaw) + dy * math.sin(yaw)
     same_way = np.cos(rows[:, WorldState.YAW] - yaw) > 0.7

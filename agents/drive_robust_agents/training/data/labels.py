@@ -52,7 +52,7 @@ class ExpertMoment:
     @property
     def ego(self) -> EgoState:
         """The ego of this moment."""
-        return self.truth.frame.ego
+        return self.truth.state.ego
 
 
 def to_ego(ego: EgoState, points: Floats) -> Floats:
@@ -78,17 +78,17 @@ def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
     }
 
 
-def motion_labels(frames: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
+def motion_labels(states: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
     """Return `future`, `future_ok` and `controls` of a drive that begins with the moment.
 
-    `frames` holds one state of the world a tick; `controls` holds what the expert answered to each but perhaps the
+    `states` holds one state of the world a tick; `controls` holds what the expert answered to each but perhaps the
     last. A drive shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
     """
-    ego = frames[0].ego
+    ego = states[0].ego
     poses, ok = np.empty((len(FUTURE_TICKS), 4)), np.zeros(len(FUTURE_TICKS), dtype=bool)
     for k, tick in enumerate(FUTURE_TICKS):
-        ok[k] = tick < len(frames)
-        later = frames[tick].ego if ok[k] else _goes_on(frames[-1].ego, (tick - len(frames) + 1) * TICK_S)
+        ok[k] = tick < len(states)
+        later = states[tick].ego if ok[k] else _goes_on(states[-1].ego, (tick - len(states) + 1) * TICK_S)
         poses[k] = later.x_m, later.y_m, math.remainder(later.yaw_rad - ego.yaw_rad, math.tau), later.speed_mps
     poses[:, :2] = to_ego(ego, poses)
     told = [controls[min(tick, len(controls) - 1)] for tick in CONTROL_TICKS]
@@ -119,7 +119,7 @@ def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
     own speed.
     """
     intent, ego = here.intent, here.ego
-    solid = here.truth.frame.actors[here.truth.frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
+    solid = here.truth.state.actors[here.truth.state.actors[:, WorldState.KIND] != ActorKind.DIRT]
     found_m, found_mps = body_ahead(here, solid)
     wait_m = intent.stop_row - intent.row - 0.5 * ego.length_m
     if wait_m < found_m:

@@ -28,9 +28,9 @@ _BEND_M_PER_RAD = 15.0
 _ROUTE_ROWS = (30, 110)
 
 
-def box_labels(frames: Sequence[WorldState], seen: Collection[int]) -> dict[str, NDArray[Any]]:
+def box_labels(states: Sequence[WorldState], seen: Collection[int]) -> dict[str, NDArray[Any]]:
     """Return `boxes` (24, 9) and `box_future` (24, 6, 2) of the actors in `seen`, nearest first, in the ego frame."""
-    ego, actors = frames[0].ego, frames[0].actors
+    ego, actors = states[0].ego, states[0].actors
     places = to_ego(ego, actors[:, [WorldState.X, WorldState.Y]])
     inside = (places[:, 0] < _AHEAD_M) & (places[:, 0] > -_BEHIND_M) & (np.abs(places[:, 1]) < _ASIDE_M)
     inside &= np.isin(actors[:, WorldState.ID].astype(int), list(seen)) & (actors[:, WorldState.KIND] != ActorKind.DIRT)
@@ -49,18 +49,18 @@ def box_labels(frames: Sequence[WorldState], seen: Collection[int]) -> dict[str,
             row[WorldState.KIND],
             1.0,
         )
-        future[k] = _track(frames, int(row[WorldState.ID]), ego)
+        future[k] = _track(states, int(row[WorldState.ID]), ego)
     return {"boxes": boxes, "box_future": future}
 
 
-def _track(frames: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
+def _track(states: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
     """Return (6, 2): the places of one actor after 0.5 ... 3 s; NaN once it is gone."""
     found = np.full((len(BOX_TICKS), 2), np.nan)
     last: Floats | None = None
     for k, tick in enumerate((0, *BOX_TICKS)):
-        if tick >= len(frames):
+        if tick >= len(states):
             break
-        rows = frames[tick].actors[frames[tick].actors[:, WorldState.ID] == number]
+        rows = states[tick].actors[states[tick].actors[:, WorldState.ID] == number]
         if len(rows) == 0:
             break
         place = rows[0, [WorldState.X, WorldState.Y]]
@@ -92,7 +92,7 @@ class MapLines:
 
     def labels(self, here: ExpertMoment) -> dict[str, NDArray[Any]]:
         """Return `lanes` (12, 6, 2), `lane_kind` (12,): the route, stop lines in force, crosswalks, then nearest."""
-        ego, lights = here.ego, here.truth.frame.lights
+        ego, lights = here.ego, here.truth.state.lights
         row = here.truth.progress
         route = here.truth.route[max(0, row - _ROUTE_ROWS[0]) : row + _ROUTE_ROWS[1], :2]
         first = _cut([(ROUTE, route)], ego)[:1]

@@ -61,12 +61,12 @@ class FreeSpace:
         self._reach = np.concatenate([np.full(len(lane.centre), lane.width_m / 2.0 + _KERB_M) for lane in lanes])
         self._buildings = lane_map.buildings[:, :5]
 
-    def is_free(self, frame: WorldState, pose: Pose) -> bool:
+    def is_free(self, state: WorldState, pose: Pose) -> bool:
         """Return whether all corners of the ego are on the road, a hand's breadth away from all that is solid."""
-        length, width = frame.ego.length_m, frame.ego.width_m
+        length, width = state.ego.length_m, state.ego.width_m
         if not self._on_road(_corners(pose.x_m, pose.y_m, pose.yaw_rad, length, width)):
             return False
-        solid = frame.actors[frame.actors[:, WorldState.KIND] != ActorKind.DIRT]
+        solid = state.actors[state.actors[:, WorldState.KIND] != ActorKind.DIRT]
         columns = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]
         boxes = np.concatenate([solid[:, columns], self._buildings])
         near = np.abs(boxes[:, :2] - (pose.x_m, pose.y_m)).max(axis=1) < _NEAR_M + boxes[:, 3:].max(axis=1)

@@ -46,10 +46,10 @@ _MOVES_MPS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A moment, and the drive that begins with it: `frames`, a state a tick, and `controls`, the answers to them."""
+    """A moment, and the drive that begins with it: `states`, a state a tick, and `controls`, the answers to them."""
 
     here: ExpertMoment
-    frames: Sequence[WorldState]
+    states: Sequence[WorldState]
     controls: Sequence[Control]
     source: int
     tick: int
@@ -68,22 +68,22 @@ def branch(episode: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[W
     """
     simulator = episode.simulator
     before, targets = faults(simulator, lanes=False), episode.targets()
-    frames, controls, here = [simulator.frame], [], None
-    while len(frames) <= BRANCH_TICKS and simulator.done is None:
+    states, controls, here = [simulator.state], [], None
+    while len(states) <= BRANCH_TICKS and simulator.done is None:
         control = expert.act(seen_by_expert(simulator))
         here = here or ExpertMoment(simulator.truth(), expert.intent(), targets, episode.night)
-        frames.append(simulator.step(control))
+        states.append(simulator.step(control))
         controls.append(control)
         if faults(simulator, lanes=False) > before or simulator.done is End.DEVIATED:
             return None
-    return None if here is None else (here, frames, controls)
+    return None if here is None else (here, states, controls)
 
 
 def sample_branch(episode: ExpertEpisode, pose: Pose | None, source: int) -> Sample | None:
     """Return the sample of a branch from a pose (None: from where the ego is); the episode is as before afterwards."""
     simulator, kept = episode.simulator, episode.simulator.snapshot()
     dropped = [planner.dropped for planner in episode.planners]
-    tick = simulator.frame.tick
+    tick = simulator.state.tick
     if pose is not None:
         simulator.place_ego(x_m=pose.x_m, y_m=pose.y_m, yaw_rad=pose.yaw_rad, speed_mps=pose.speed_mps)
     found = branch(episode, episode.expert.fork())
@@ -92,17 +92,17 @@ def sample_branch(episode: ExpertEpisode, pose: Pose | None, source: int) -> Sam
         planner.dropped = count
     if found is None:
         return None
-    here, frames, controls = found
-    started = pose is not None and pose.start and frames[-1].ego.speed_mps > _MOVES_MPS
-    return Sample(here, frames, controls, START if started else source, tick)
+    here, states, controls = found
+    started = pose is not None and pose.start and states[-1].ego.speed_mps > _MOVES_MPS
+    return Sample(here, states, controls, START if started else source, tick)
 
 
 def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
     """Return a sample from a pose beside the way, or None where three draws found no room or no good end."""
-    frame = episode.simulator.frame
+    state = episode.simulator.state
     for _ in range(_TRIES):
-        pose = draw_pose(frame.ego, rng)
-        if episode.room.is_free(frame, pose):
+        pose = draw_pose(state.ego, rng)
+        if episode.room.is_free(state, pose):
             found = sample_branch(episode, pose, SHIFTED)
             if found is not None:
                 return found
@@ -121,7 +121,7 @@ def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = 
     beside: list[Sample] = []
     on_way: list[ExpertMoment] = []
     while not episode.over:
-        tick, ego = episode.simulator.frame.tick, episode.simulator.frame.ego
+        tick, ego = episode.simulator.state.tick, episode.simulator.state.ego
         keep = tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng)
         clean = not noise[tick : tick + BRANCH_TICKS].any()
         if keep:
@@ -136,22 +136,22 @@ def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = 
             on_way.append(episode.here(targets))
         steer = float(np.clip(control.steer + burst_steer(noise[tick], ego.speed_mps), -1.0, 1.0))
         episode.step(control, Control(control.throttle, steer, control.brake))
-    episode.frames.append(episode.simulator.frame)
-    first = episode.frames[0].tick
-    own_way = [_on_way(episode, here, here.truth.frame.tick - first) for here in on_way]
+    episode.states.append(episode.simulator.state)
+    first = episode.states[0].tick
+    own_way = [_on_way(episode, here, here.truth.state.tick - first) for here in on_way]
     last = _last_good_tick(episode)
     return sorted((one for one in (*own_way, *beside) if one.tick <= last), key=lambda one: (one.tick, one.source))
 
 
 def _on_way(episode: ExpertEpisode, here: ExpertMoment, at: int) -> Sample:
     """Return the sample whose future is what was driven."""
-    frames, controls = episode.frames[at : at + BRANCH_TICKS + 1], episode.controls[at : at + BRANCH_TICKS]
-    return Sample(here, frames, controls, ON_WAY, here.truth.frame.tick)
+    states, controls = episode.states[at : at + BRANCH_TICKS + 1], episode.controls[at : at + BRANCH_TICKS]
+    return Sample(here, states, controls, ON_WAY, here.truth.state.tick)
 
 
 def _last_good_tick(episode: ExpertEpisode) -> int:
     """Return the last tick whose next 3 s hold no fault."""
-    tick = episode.simulator.frame.tick
+    tick = episode.simulator.state.tick
     if faults(episode.simulator) == 0 and episode.simulator.done is End.COMPLETED:
         return tick
     stood = round(STUCK_S / TICK_S) if episode.simulator.done in (End.STUCK, End.BLOCKED) else 0

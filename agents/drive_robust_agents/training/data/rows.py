@@ -34,14 +34,14 @@ class RigCameras:
     def __init__(self, lane_map: LaneMap, route: Route, way: Floats, cameras: Sequence[CameraSpec]) -> None:
         self._rig = CameraRig(lane_map, route.weather, cameras, around=way[:, :2])
 
-    def look(self, frame: WorldState) -> dict[str, NDArray[Any]]:
+    def look(self, state: WorldState) -> dict[str, NDArray[Any]]:
         """Return `cam_<name>` (height, width, 3) uint8 of each camera; the arrays are the caller's."""
-        return {f"cam_{name}": pixels.copy() for name, pixels in self._rig.render(frame).items()}
+        return {f"cam_{name}": pixels.copy() for name, pixels in self._rig.render(state).items()}
 
-    def seen(self, frame: WorldState) -> set[int]:
+    def seen(self, state: WorldState) -> set[int]:
         """Return the numbers (`WorldState.ID`) of the actors that some camera shows."""
         found: set[int] = set()
-        for shown in self._rig.actors_seen(frame).values():
+        for shown in self._rig.actors_seen(state).values():
             numbers = shown.astype(np.int64).ravel()
             counts = np.bincount(numbers[numbers >= 0])
             found.update(int(number) for number in np.flatnonzero(counts >= SEEN_PX))
@@ -57,12 +57,12 @@ def rows(samples: Sequence[Sample], route: Route, agent_rig: TrainingRig, *, tag
     lines = MapLines(truth.lane_map) if agent_rig.perception else None
     for sample in samples:
         row: dict[str, Any] = {
-            **eyes.look(sample.here.truth.frame),
+            **eyes.look(sample.here.truth.state),
             **way_labels(sample.here),
-            **motion_labels(sample.frames, sample.controls),
+            **motion_labels(sample.states, sample.controls),
             "facts": fact_labels(sample.here),
         }
         if lines is not None:
-            row |= box_labels(sample.frames, eyes.seen(sample.here.truth.frame)) | lines.labels(sample.here)
+            row |= box_labels(sample.states, eyes.seen(sample.here.truth.state)) | lines.labels(sample.here)
         numbers = {"tag": np.int16(tag), "source": np.int8(sample.source)}
         yield row | numbers | {"episode": np.int32(episode), "tick": np.int32(sample.tick)}

@@ -19,7 +19,7 @@ WAITING = np.array([1.2, 0.7, 0.25])
 def seconds(truth: GroundTruth, *plans: tuple[float, float, float], stop_row: float = math.inf) -> list[float]:
     """Seconds until trouble in the ego's lane for each plan."""
     scene, traffic = seen(truth)
-    ego = truth.frame.ego
+    ego = truth.state.ego
     path = path_of(scene, np.zeros(scene.count), ego.x_m, ego.y_m, speed_mps=ego.speed_mps)
     found, _ = rollouts(
         path, ego.x_m, ego.speed_mps, scene.size, traffic.forecast, traffic.boxes,

@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.world import World
 def test_lane_changes_of_a_route_are_found_with_room_on_both_sides() -> None:
     route = next(route for route in named_routes("full") if route.scenario.type == "MergerIntoSlowTraffic")
     world = World(route, seed=0)
-    scene = StaticScene(world.truth(world.frame()))
+    scene = StaticScene(world.truth(world.now()))
     (change,) = scene.changes
     assert change.first < change.start < change.end < change.last
     assert abs(change.old[change.start]) < 0.2

@@ -34,7 +34,7 @@ def test_a_queue_is_waited_for_and_a_car_that_never_moves_is_passed() -> None:
     scene, traffic = seen(truth)
     assert nearest_obstacle(scene, traffic, np.zeros(scene.count), 20.0) is None
     for _ in range(20 * 15):
-        traffic.update(truth.frame, scene.graph)
+        traffic.update(truth.state, scene.graph)
     assert nearest_obstacle(scene, traffic, np.zeros(scene.count), 20.0) is not None
 
 

@@ -17,7 +17,7 @@ def looked(speeds_mps: tuple[float, ...], *, every_ticks: int) -> Traffic:
     scenes = [street(actor(60.0, 0.0, speed_mps=speed)) for speed in speeds_mps]
     scene, traffic = StaticScene(scenes[0]), Traffic()
     for truth in scenes:
-        traffic.update(truth.frame, scene.graph, every_ticks * TICK_S)
+        traffic.update(truth.state, scene.graph, every_ticks * TICK_S)
     return traffic
 
 

@@ -186,18 +186,18 @@ def test_the_truth_reaches_only_agents_that_ask_for_it() -> None:
     assert drive(blind).privileged is False
     assert drive(seeing).privileged is True
     assert all(observation.truth is None for observation in blind.observations)
-    assert all(seen.truth is not None and seen.truth.frame.tick == seen.tick for seen in seeing.observations)
+    assert all(seen.truth is not None and seen.truth.state.tick == seen.tick for seen in seeing.observations)
 
 
 def test_a_privileged_agent_cannot_move_the_actors() -> None:
     def push(observation: Observation) -> Control:
         assert observation.truth is not None
-        observation.truth.frame.actors[:] = 0.0
+        observation.truth.state.actors[:] = 0.0
         return FULL
 
     simulator = FakeSimulator()
     assert drive(ScriptedAgent(push, privileged=True), simulator=simulator).outcome is Outcome.COMPLETED
-    assert simulator.truth().frame.actors[0, 0] == 7.0
+    assert simulator.truth().state.actors[0, 0] == 7.0
 
 
 def test_a_perturbed_observation_reaches_the_agent() -> None:

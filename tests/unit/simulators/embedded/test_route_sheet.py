@@ -21,7 +21,7 @@ def test_every_scenario_has_a_moment_between_trigger_and_end(route: Route) -> No
     scene = telling_moment(route)
     dense = scene.world.dense
     assert scene.ridden_m <= dense.length_m
-    away = np.hypot(dense.rows[:, 0] - scene.frame.ego.x_m, dense.rows[:, 1] - scene.frame.ego.y_m).min()
+    away = np.hypot(dense.rows[:, 0] - scene.state.ego.x_m, dense.rows[:, 1] - scene.state.ego.y_m).min()
     assert away < 6.0
     triggered = scene.world.state.actor_ints[:, c.I_TRIGGER] != c.TRIGGER_NONE
     starts_in_a_bay = scene.world.stage.start_right_m != 0.0  # between parked cars: that is the moment
@@ -39,8 +39,8 @@ def test_the_pedestrian_is_on_the_way_and_its_path_is_known() -> None:
 
 def test_the_same_route_and_seed_give_the_same_moment() -> None:
     first, again = (telling_moment(ROUTES["ParkingCutIn"], seed=3) for _ in range(2))
-    assert first.frame.tick == again.frame.tick
-    assert first.frame.actors.tobytes() == again.frame.actors.tobytes()
+    assert first.state.tick == again.state.tick
+    assert first.state.actors.tobytes() == again.state.actors.tobytes()
 
 
 def test_a_tile_has_its_caption_and_shows_route_trigger_and_start() -> None:

@@ -41,19 +41,19 @@ def simulator() -> EmbeddedSimulator:
 
 
 def test_the_ego_is_put_there_and_nobody_else_moves(simulator: EmbeddedSimulator) -> None:
-    before = simulator.frame
-    frame = simulator.place_ego(x_m=3.0, y_m=-4.0, yaw_rad=7.0, speed_mps=5.0)
-    assert (frame.ego.x_m, frame.ego.y_m, frame.ego.speed_mps) == (3.0, -4.0, 5.0)
-    assert frame.ego.yaw_rad == pytest.approx(7.0 - math.tau)
-    assert frame.tick == before.tick
-    assert np.array_equal(frame.actors, before.actors)
-    assert simulator.frame is frame
+    before = simulator.state
+    state = simulator.place_ego(x_m=3.0, y_m=-4.0, yaw_rad=7.0, speed_mps=5.0)
+    assert (state.ego.x_m, state.ego.y_m, state.ego.speed_mps) == (3.0, -4.0, 5.0)
+    assert state.ego.yaw_rad == pytest.approx(7.0 - math.tau)
+    assert state.tick == before.tick
+    assert np.array_equal(state.actors, before.actors)
+    assert simulator.state is state
     assert simulator.observe().gps.x_m == 3.0
 
 
 def test_the_imu_tells_what_follows_from_speed_and_wheels(simulator: EmbeddedSimulator) -> None:
     simulator.step(Control(0.0, 0.05, 0.0))
-    ego = simulator.frame.ego
+    ego = simulator.state.ego
     same = simulator.place_ego(x_m=ego.x_m, y_m=ego.y_m, yaw_rad=ego.yaw_rad, speed_mps=ego.speed_mps).ego
     assert same.yaw_rate_radps == pytest.approx(ego.yaw_rate_radps, rel=0.02)
     assert same.right_mps2 == pytest.approx(ego.right_mps2, rel=0.03)
@@ -64,7 +64,7 @@ def test_the_imu_tells_what_follows_from_speed_and_wheels(simulator: EmbeddedSim
 
 
 def test_an_ego_without_speed_is_at_rest(simulator: EmbeddedSimulator) -> None:
-    ego = simulator.frame.ego
+    ego = simulator.state.ego
     still = simulator.place_ego(x_m=ego.x_m, y_m=ego.y_m, yaw_rad=ego.yaw_rad, speed_mps=0.0).ego
     assert (still.speed_mps, still.forward_mps2, still.right_mps2, still.yaw_rate_radps) == (0.0, 0.0, 0.0, 0.0)
     assert simulator.step(Control.NEUTRAL).ego.speed_mps == 0.0
@@ -73,18 +73,18 @@ def test_an_ego_without_speed_is_at_rest(simulator: EmbeddedSimulator) -> None:
 def test_an_ego_at_speed_does_not_turn_faster_than_its_grip_allows(simulator: EmbeddedSimulator) -> None:
     for _ in range(40):
         simulator.step(Control(0.0, 1.0, 0.3))
-    ego = simulator.frame.ego
+    ego = simulator.state.ego
     fast = simulator.place_ego(x_m=ego.x_m, y_m=ego.y_m, yaw_rad=ego.yaw_rad, speed_mps=20.0).ego
     assert 9.0 < abs(fast.right_mps2) < 10.0
 
 
 def test_a_restored_moment_is_as_if_nothing_had_been(simulator: EmbeddedSimulator) -> None:
-    kept, before = simulator.snapshot(), simulator.frame
+    kept, before = simulator.snapshot(), simulator.state
     simulator.place_ego(x_m=0.0, y_m=0.0, yaw_rad=0.0, speed_mps=9.0)
     simulator.step(Control(1.0, 0.0, 0.0))
     simulator.restore(kept)
-    assert simulator.frame.ego == before.ego
-    assert simulator.frame.tick == before.tick
+    assert simulator.state.ego == before.ego
+    assert simulator.state.tick == before.tick
 
 
 @pytest.mark.parametrize("speed_mps", [-1.0, math.nan, math.inf])

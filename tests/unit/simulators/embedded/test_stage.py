@@ -94,13 +94,13 @@ def test_what_appears_is_neither_seen_nor_hit_before_its_trigger(staged) -> None
         stage.cast.script(door, Arrival(0.0, 12.0), Script(0.0), at=stage.spot(40.0))
 
     world = staged(STREET, put)
-    assert len(world.frame().actors) == 0
+    assert len(world.now().actors) == 0
     ticks = 0
-    while len(world.frame().actors) == 0:
+    while len(world.now().actors) == 0:
         world.tick(COAST)
         ticks += 1
         assert ticks < 400
-    away = np.hypot(*(world.frame().actors[0, 2:4] - world.state.ego[:2]))
+    away = np.hypot(*(world.now().actors[0, 2:4] - world.state.ego[:2]))
     assert 9.0 < away < 12.5
     drive(world, COAST, 60)
     hits = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
@@ -123,7 +123,7 @@ def test_a_flow_of_bicycles_consists_of_bicycles(staged) -> None:
         STREET,
         lambda stage: stage.flow(stage.oncoming(), speed_mps=5.0, gap_m=(8.0, 12.0), kinds=(ActorKind.BICYCLE,)),
     )
-    assert set(world.frame().actors[:, 1].astype(int)) == {int(ActorKind.BICYCLE)}
+    assert set(world.now().actors[:, 1].astype(int)) == {int(ActorKind.BICYCLE)}
 
 
 def test_traffic_on_a_leash_stays_near_a_slow_ego(staged) -> None:

@@ -130,14 +130,14 @@ def _grid_overlap(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
 @pytest.mark.parametrize("route", ROUTES, ids=lambda route: route.label.replace(" ", "-"))
 def test_nobody_stands_in_the_ego_at_the_start(route: Route) -> None:
     for seed in range(3):
-        frame = World(route, seed=seed).frame()
-        for actor in frame.actors:
+        state = World(route, seed=seed).now()
+        for actor in state.actors:
             depth, _, _ = overlap(
-                frame.ego.x_m,
-                frame.ego.y_m,
-                frame.ego.yaw_rad,
-                frame.ego.length_m,
-                frame.ego.width_m,
+                state.ego.x_m,
+                state.ego.y_m,
+                state.ego.yaw_rad,
+                state.ego.length_m,
+                state.ego.width_m,
                 actor[WorldState.X],
                 actor[WorldState.Y],
                 actor[WorldState.YAW],
@@ -153,7 +153,7 @@ def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> 
     world.state.ego[[c.EGO_X, c.EGO_Y]] += 1e4  # far away
     for _ in range(600):
         world.tick(FULL_BRAKE)
-        cars = world.frame().actors
+        cars = world.now().actors
         cars = cars[(cars[:, WorldState.KIND] <= ActorKind.BICYCLE) & (cars[:, WorldState.SPEED] > 0.1)]
         for i in range(len(cars)):
             for j in range(i):
@@ -189,7 +189,7 @@ def test_an_ego_that_presses_against_what_it_hit_stands(throttle: float) -> None
 def test_an_ego_that_scrapes_along_what_it_hit_goes_on() -> None:
     world = driven(BY_TYPE["ParkedObstacle"], Control(throttle=1.0), 300)
     other = world.state.actors[int(hits_of(world)[0, c.EV_ACTOR])]
-    yaw, beside_m = float(other[c.A_YAW]), 0.5 * float(other[c.A_WIDTH] + world.frame().ego.width_m)
+    yaw, beside_m = float(other[c.A_YAW]), 0.5 * float(other[c.A_WIDTH] + world.now().ego.width_m)
     along, left = (math.cos(yaw), math.sin(yaw)), (math.sin(yaw), -math.cos(yaw))
     x, y = (float(other[at]) + beside_m * left[k] - 2.0 * along[k] for k, at in enumerate((c.A_X, c.A_Y)))
     world.place_ego(x, y, yaw + 0.03, 0.0)
@@ -258,9 +258,9 @@ def driven_on(world: World, ticks: int) -> bytes:
 
 def test_seeds_change_the_traffic_and_nothing_else_does() -> None:
     route = BY_TYPE["NonSignalizedJunctionRightTurn"]
-    same = [World(route, seed=3).frame().actors.tobytes() for _ in range(2)]
+    same = [World(route, seed=3).now().actors.tobytes() for _ in range(2)]
     assert same[0] == same[1]
-    assert World(route, seed=4).frame().actors.tobytes() != same[0]
+    assert World(route, seed=4).now().actors.tobytes() != same[0]
 
 
 def test_the_tick_cap_ends_an_episode_and_names_itself() -> None:

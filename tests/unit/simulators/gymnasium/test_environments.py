@@ -63,18 +63,18 @@ def test_every_id_of_highway_env_either_works_or_is_refused():
 @pytest.mark.parametrize("identifier", sorted(WORKING))
 def test_a_working_id_starts_on_its_route_and_drives_along_it(identifier):
     simulator = made(identifier)
-    frame = simulator.reset(simulator.routes()[2], seed=0, cameras=[])
+    state = simulator.reset(simulator.routes()[2], seed=0, cameras=[])
     truth = simulator.truth()
     start = truth.route[0]
-    assert abs(frame.ego.x_m - start[0]) + abs(frame.ego.y_m - start[1]) < 2.0
-    assert len(frame.actors) >= 1
+    assert abs(state.ego.x_m - start[0]) + abs(state.ego.y_m - start[1]) < 2.0
+    assert len(state.actors) >= 1
     assert 40.0 < simulator.score().route_length_m < 1600.0
     assert {lane.index for lane in truth.lane_map.lanes} == set(range(len(truth.lane_map.lanes)))
     for _ in range(15):
-        frame = simulator.step(Control(throttle=0.3))
+        state = simulator.step(Control(throttle=0.3))
     assert simulator.done is None
     assert simulator.progress_m > 4.0
-    assert frame.tick == 15
+    assert state.tick == 15
     simulator.close()
 
 
@@ -143,8 +143,8 @@ def test_numbers_and_seeds_are_different_traffic():
     simulator = made("merge-v0")
 
     def traffic(number, seed):
-        frame = simulator.reset(simulator.routes()[number], seed=seed, cameras=[])
-        return frame.actors[:, [WorldState.X, WorldState.Y]].tolist()
+        state = simulator.reset(simulator.routes()[number], seed=seed, cameras=[])
+        return state.actors[:, [WorldState.X, WorldState.Y]].tolist()
 
     drawn = [traffic(0, 0), traffic(1, 0), traffic(0, 1)]
     assert drawn == [traffic(0, 0), traffic(1, 0), traffic(0, 1)]

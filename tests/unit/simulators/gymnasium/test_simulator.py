@@ -42,7 +42,7 @@ def follow(simulator, *, speed_mps=9.0, ticks=1000):
         if simulator.done is not None:
             break
         truth = simulator.truth()
-        ego = truth.frame.ego
+        ego = truth.state.ego
         row = truth.route[min(truth.progress + max(4, int(ego.speed_mps * 0.6)), len(truth.route) - 1)]
         dx, dy = row[0] - ego.x_m, row[1] - ego.y_m
         ahead = dx * math.cos(ego.yaw_rad) + dy * math.sin(ego.yaw_rad)
@@ -128,8 +128,8 @@ def test_an_obstacle_of_the_road_is_layout():
     ego, barrier = simulator.environment.unwrapped.vehicle, road.objects[0]
     road.vehicles[:] = [ego]
     barrier.position = ego.position + np.array([12.0, 0.0])
-    frame = simulator.step(Control(throttle=0.5))
-    assert frame.actors[:, WorldState.KIND].tolist() == [ActorKind.BARRIER]
+    state = simulator.step(Control(throttle=0.5))
+    assert state.actors[:, WorldState.KIND].tolist() == [ActorKind.BARRIER]
     score = follow(simulator, speed_mps=30.0)
     assert [infraction.kind for infraction in score.infractions] == [InfractionKind.COLLISION_LAYOUT]
     simulator.close()
@@ -248,18 +248,18 @@ def test_lanes_have_neighbours_successors_and_junctions():
 
 def test_actors_keep_their_numbers_and_show_their_brakes():
     simulator = made("intersection-v0")
-    frame = simulator.reset(simulator.routes()[0], seed=0, cameras=[])
+    state = simulator.reset(simulator.routes()[0], seed=0, cameras=[])
     where, braking = {}, 0
     for _ in range(100):
-        for row in frame.actors:
+        for row in state.actors:
             number, place = int(row[WorldState.ID]), row[[WorldState.X, WorldState.Y]]
             if number in where:
                 assert np.hypot(*(place - where[number])) < 1.5
             where[number] = place
             braking += int(row[WorldState.STATE]) & ActorState.BRAKING
-        frame = simulator.step(Control(brake=1.0))
+        state = simulator.step(Control(brake=1.0))
     assert braking > 0
-    assert len(where) > len(frame.actors) - 1  # some left, others came
+    assert len(where) > len(state.actors) - 1  # some left, others came
     simulator.close()
 
 
@@ -281,9 +281,9 @@ def test_the_camera_sees_the_cars_of_the_environment():
 
 def test_sensors_agree_with_the_motion():
     simulator = made("roundabout-v0")
-    frames = [simulator.reset(simulator.routes()[0], seed=0, cameras=[])]
-    frames += [simulator.step(Control(throttle=0.4, steer=-0.3)) for _ in range(6)]
-    observation, (before, now) = simulator.observe(), (frame.ego for frame in frames[-2:])
+    states = [simulator.reset(simulator.routes()[0], seed=0, cameras=[])]
+    states += [simulator.step(Control(throttle=0.4, steer=-0.3)) for _ in range(6)]
+    observation, (before, now) = simulator.observe(), (state.ego for state in states[-2:])
     assert (observation.gps.x_m, observation.gps.y_m, observation.speed.mps) == (now.x_m, now.y_m, now.speed_mps)
     assert math.cos(observation.compass.yaw_rad - now.yaw_rad) == pytest.approx(1.0)
     assert observation.imu.forward_mps2 == pytest.approx((now.speed_mps - before.speed_mps) / 0.05)

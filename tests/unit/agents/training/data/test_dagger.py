@@ -51,7 +51,7 @@ def test_a_faulty_agent_is_stopped_at_its_first_fault_and_labelled_by_the_expert
     episode = ExpertEpisode.begin(route_of(WAY), seed=0)
     while not episode.over:
         episode.simulator.step(Control(1.0, 0.15, 0.0))
-    fault = episode.simulator.frame.tick
+    fault = episode.simulator.state.tick
     assert len(agent.seen) == fault
     assert samples
     assert all(sample.source == DAGGER and sample.tick < fault for sample in samples)
@@ -69,13 +69,13 @@ def test_the_agent_sees_its_own_cameras_and_no_truth() -> None:
 
 def test_with_the_expert_alone_the_labels_are_its_own_drive() -> None:
     samples = drive_mixture(route_of(WAY), agent=Floored(), mixture=mixture(1.0), data_seed=0, seed=0)
-    places = {frame.tick: frame.ego for sample in samples for frame in sample.frames}
+    places = {state.tick: state.ego for sample in samples for state in sample.states}
     assert len(samples) > 30
     for before, after in pairwise(samples):
-        assert before.frames[0].ego == places[before.tick]
+        assert before.states[0].ego == places[before.tick]
         step = after.tick - before.tick
-        if step < len(before.frames):
-            assert before.frames[step].ego == after.frames[0].ego
+        if step < len(before.states):
+            assert before.states[step].ego == after.states[0].ego
 
 
 def test_under_a_failure_the_agent_is_told_what_is_wrong_and_the_planners_follow_it() -> None:
@@ -87,18 +87,18 @@ def test_under_a_failure_the_agent_is_told_what_is_wrong_and_the_planners_follow
     ]
     assert 10.0 < np.mean(off) < 30.0
     assert [one.tick for one in wrong] == [one.tick for one in clean]
-    assert all(one.frames[0].ego == other.frames[0].ego for one, other in zip(wrong, clean, strict=True))
+    assert all(one.states[0].ego == other.states[0].ego for one, other in zip(wrong, clean, strict=True))
     assert any(one.here.targets != other.here.targets for one, other in zip(wrong, clean, strict=True))
 
 
 def test_late_controls_lead_the_agent_elsewhere_but_not_the_expert() -> None:
     def drives(beta: float, *settings: str) -> list[WorldState]:
         found = drive_mixture(route_of(WAY), agent=Floored(), mixture=mixture(beta, *settings), data_seed=0, seed=0)
-        return [one.frames[0] for one in found]
+        return [one.states[0] for one in found]
 
     assert drives(1.0, "500 ms latency")[-1].ego == drives(1.0)[-1].ego
     late, clean = drives(0.0, "500 ms latency"), drives(0.0)
-    moved = [next(frame.tick for frame in of if frame.ego.speed_mps > 1.0) for of in (late, clean)]
+    moved = [next(state.tick for state in of if state.ego.speed_mps > 1.0) for of in (late, clean)]
     assert moved[0] > moved[1]
 
 

@@ -49,12 +49,12 @@ def test_the_ego_frame_is_forward_and_right() -> None:
 
 def test_the_points_of_the_future_lie_on_the_driven_track(samples: tuple[Sample, ...]) -> None:
     for sample in samples:
-        labels = motion_labels(sample.frames, sample.controls)
+        labels = motion_labels(sample.states, sample.controls)
         places = out_of(sample.here.ego, labels["future"][:, :2].astype(float))
         for k, tick in enumerate(FUTURE_TICKS):
-            assert labels["future_ok"][k] == (tick < len(sample.frames))
+            assert labels["future_ok"][k] == (tick < len(sample.states))
             if labels["future_ok"][k]:
-                ego = sample.frames[tick].ego
+                ego = sample.states[tick].ego
                 assert places[k] == pytest.approx([ego.x_m, ego.y_m], abs=1e-3)
                 assert labels["future"][k, 3] == pytest.approx(ego.speed_mps, abs=1e-4)
                 turned = math.remainder(ego.yaw_rad - sample.here.ego.yaw_rad, math.tau)
@@ -80,7 +80,7 @@ def test_a_drive_that_ends_goes_on_at_its_speed_and_curvature() -> None:
 
 def test_controls_are_those_of_now_and_of_every_half_second(samples: tuple[Sample, ...]) -> None:
     sample = next(one for one in samples if len(one.controls) == 60)
-    told = motion_labels(sample.frames, sample.controls)["controls"]
+    told = motion_labels(sample.states, sample.controls)["controls"]
     wanted = [sample.controls[tick] for tick in (0, 10, 20, 30, 40)]
     assert told == pytest.approx(np.array([(c.throttle, c.steer, c.brake) for c in wanted]), abs=1e-6)
 
@@ -110,12 +110,12 @@ def test_targets_and_commands_are_those_of_the_planners_of_the_agents(samples: t
     episode = ExpertEpisode.begin(route_of(LIGHT), seed=0)
     planners = [RoutePlanner(episode.simulator.plan(), min_m=m) for m in (MIN_M, MIN_SIMLINGO_M)]
     way = [sample for sample in samples if sample.source == ON_WAY]
-    frames = {frame.tick: frame for sample in way for frame in sample.frames}
+    states = {state.tick: state for sample in way for state in sample.states}
     kept = {sample.tick: sample for sample in way}
     seen = set()
     for tick in range(max(kept)):
         targets = (
-            [planner.step(frames[tick].ego.x_m, frames[tick].ego.y_m) for planner in planners] if tick in frames else []
+            [planner.step(states[tick].ego.x_m, states[tick].ego.y_m) for planner in planners] if tick in states else []
         )
         if tick in kept and targets:
             labels = way_labels(kept[tick].here)
@@ -162,7 +162,7 @@ def test_the_light_in_the_facts_is_the_one_that_the_world_shows(samples: tuple[S
         lines = [line for line in truth.lane_map.stop_lines if line.is_light]
         away = [math.hypot(line.x_m - ego.x_m, line.y_m - ego.y_m) - 0.5 * ego.length_m for line in lines]
         near = [line for line, metres in zip(lines, away, strict=True) if abs(metres - found["light_m"]) < 2.5]
-        assert any(truth.frame.lights[line.index] == found["light"] for line in near)
+        assert any(truth.state.lights[line.index] == found["light"] for line in near)
         told.add(found["light"])
     assert {float(LightState.RED), float(LightState.GREEN)} <= told
 

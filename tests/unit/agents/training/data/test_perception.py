@@ -34,16 +34,16 @@ def samples() -> tuple[Sample, ...]:
     return samples_of(LIGHT)
 
 
-def moved(frame: WorldState, *, tick: int, ahead_m: float) -> WorldState:
-    """The frame later, with everybody farther along x; who is behind 60 m is gone."""
-    actors = frame.actors.copy()
+def moved(state: WorldState, *, tick: int, ahead_m: float) -> WorldState:
+    """The state later, with everybody farther along x; who is behind 60 m is gone."""
+    actors = state.actors.copy()
     actors[:, WorldState.X] += ahead_m
-    return replace(frame, tick=tick, actors=actors[actors[:, WorldState.X] < 60.0])
+    return replace(state, tick=tick, actors=actors[actors[:, WorldState.X] < 60.0])
 
 
 def test_boxes_are_in_the_ego_frame_nearest_first() -> None:
     truth = street(actor(50.0, -3.5, speed_mps=5.0, yaw_rad=math.pi), actor(30.0, 0.0, speed_mps=2.0), x_m=20.0)
-    found = box_labels([truth.frame], {0, 1})
+    found = box_labels([truth.state], {0, 1})
     assert found["boxes"][:, 8].tolist() == [1.0, 1.0] + [0.0] * 22
     assert found["boxes"][0] == pytest.approx([10.0, 0.0, 0.0, 1.0, 4.6, 1.9, 2.0, ActorKind.CAR, 1.0])
     assert found["boxes"][1, :4] == pytest.approx([30.0, -3.5, 0.0, -1.0], abs=1e-6)
@@ -52,21 +52,21 @@ def test_boxes_are_in_the_ego_frame_nearest_first() -> None:
 
 def test_only_who_is_seen_and_near_is_a_box() -> None:
     truth = street(actor(30.0, 0.0), actor(40.0, 0.0), actor(90.0, 0.0), x_m=20.0)
-    assert box_labels([truth.frame], {1, 2})["boxes"][:, 0].tolist()[:2] == [20.0, 0.0]
+    assert box_labels([truth.state], {1, 2})["boxes"][:, 0].tolist()[:2] == [20.0, 0.0]
 
 
 def test_the_future_of_a_box_is_where_it_is_later_until_it_is_gone() -> None:
-    frame = street(actor(50.0, -3.5, speed_mps=8.0), x_m=20.0).frame
-    frames = [moved(frame, tick=tick, ahead_m=0.4 * tick) for tick in range(61)]
-    future = box_labels(frames, {0})["box_future"][0]
+    state = street(actor(50.0, -3.5, speed_mps=8.0), x_m=20.0).state
+    states = [moved(state, tick=tick, ahead_m=0.4 * tick) for tick in range(61)]
+    future = box_labels(states, {0})["box_future"][0]
     assert future[:2] == pytest.approx(np.array([[34.0, -3.5], [38.0, -3.5]]))
     assert np.isnan(future[2:]).all()  # beyond 60 m
 
 
 def test_a_number_that_jumps_is_somebody_else() -> None:
-    frame = street(actor(30.0, 0.0, speed_mps=8.0), x_m=20.0).frame
-    frames = [moved(frame, tick=tick, ahead_m=0.0 if tick < 15 else 25.0) for tick in range(61)]
-    future = box_labels(frames, {0})["box_future"][0]
+    state = street(actor(30.0, 0.0, speed_mps=8.0), x_m=20.0).state
+    states = [moved(state, tick=tick, ahead_m=0.0 if tick < 15 else 25.0) for tick in range(61)]
+    future = box_labels(states, {0})["box_future"][0]
     assert future[0] == pytest.approx([10.0, 0.0])
     assert np.isnan(future[1:]).all()
 
@@ -74,20 +74,20 @@ def test_a_number_that_jumps_is_somebody_else() -> None:
 def test_boxes_of_a_drive_lie_where_the_actors_are(samples: tuple[Sample, ...]) -> None:
     seen_any = 0
     for sample in samples[::10]:
-        frame = sample.frames[0]
-        found = box_labels(sample.frames, set(frame.actors[:, WorldState.ID].astype(int)))
+        state = sample.states[0]
+        found = box_labels(sample.states, set(state.actors[:, WorldState.ID].astype(int)))
         for box, future in zip(found["boxes"], found["box_future"], strict=True):
             if box[8] == 0.0:
                 continue
-            places = to_ego(frame.ego, frame.actors[:, [WorldState.X, WorldState.Y]])
+            places = to_ego(state.ego, state.actors[:, [WorldState.X, WorldState.Y]])
             k = int(np.argmin(np.hypot(*(places - box[:2]).T)))
             assert places[k] == pytest.approx(box[:2], abs=1e-4)
-            number = frame.actors[k, WorldState.ID]
+            number = state.actors[k, WorldState.ID]
             for step, tick in enumerate((10, 20, 30, 40, 50, 60)):
                 if np.isfinite(future[step, 0]):
-                    later = sample.frames[tick].actors
+                    later = sample.states[tick].actors
                     row = later[later[:, WorldState.ID] == number][0]
-                    assert to_ego(frame.ego, row[[WorldState.X, WorldState.Y]]) == pytest.approx(future[step], abs=1e-4)
+                    assert to_ego(state.ego, row[[WorldState.X, WorldState.Y]]) == pytest.approx(future[step], abs=1e-4)
                     seen_any += 1
     assert seen_any > 10
 
@@ -95,7 +95,7 @@ def test_boxes_of_a_drive_lie_where_the_actors_are(samples: tuple[Sample, ...]) 
 def test_who_stands_behind_somebody_else_is_not_seen(samples: tuple[Sample, ...]) -> None:
     truth = samples[0].here.truth
     row = np.array(actor(0.0, 0.0, kind=ActorKind.CAR))
-    ego = truth.frame.ego
+    ego = truth.state.ego
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
     behind = [
         (10.0, 3.0, 3.5, ActorKind.TRUCK),
@@ -115,9 +115,9 @@ def test_who_stands_behind_somebody_else_is_not_seen(samples: tuple[Sample, ...]
         )
         one[[WorldState.X, WorldState.Y]] = ego.x_m + c * ahead - s * right, ego.y_m + s * ahead + c * right
         actors.append(one)
-    frame = replace(truth.frame, actors=np.array(actors))
+    state = replace(truth.state, actors=np.array(actors))
     eyes = RigCameras(truth.lane_map, route_of(LIGHT), truth.route, agent_rig("tcp").cameras)
-    assert eyes.seen(frame) == {0, 2}
+    assert eyes.seen(state) == {0, 2}
 
 
 # --- the map ---

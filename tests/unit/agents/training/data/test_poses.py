@@ -32,9 +32,9 @@ def test_drawn_poses_keep_their_ranges() -> None:
 
 def test_there_is_room_on_the_road_but_not_beside_it_nor_in_somebody() -> None:
     simulator = ExpertEpisode.begin(route_of("ParkedObstacle"), seed=0).simulator
-    room, frame = FreeSpace(simulator.world.lane_map), simulator.frame
+    room, state = FreeSpace(simulator.world.lane_map), simulator.state
     x, y, yaw, _ = simulator.truth().route[30]
-    assert room.is_free(frame, Pose(x, y, yaw, 0.0))
-    assert not room.is_free(frame, Pose(x - 30.0 * math.sin(yaw), y + 30.0 * math.cos(yaw), yaw, 0.0))
-    body = frame.actors[0]
-    assert not room.is_free(frame, Pose(body[WorldState.X], body[WorldState.Y], body[WorldState.YAW], 0.0))
+    assert room.is_free(state, Pose(x, y, yaw, 0.0))
+    assert not room.is_free(state, Pose(x - 30.0 * math.sin(yaw), y + 30.0 * math.cos(yaw), yaw, 0.0))
+    body = state.actors[0]
+    assert not room.is_free(state, Pose(body[WorldState.X], body[WorldState.Y], body[WorldState.YAW], 0.0))

@@ -32,7 +32,7 @@ def drive(*, branches: bool) -> ExpertEpisode:
     """The expert's own drive, with a branch and a shifted branch off now and then, or without."""
     episode = ExpertEpisode.begin(route_of(WAY), seed=0)
     while not episode.over:
-        tick, ego = episode.simulator.frame.tick, episode.simulator.frame.ego
+        tick, ego = episode.simulator.state.tick, episode.simulator.state.ego
         if branches and tick % 25 == 0:
             sample_branch(episode, None, ON_WAY)
             aside = Pose(ego.x_m - math.sin(ego.yaw_rad), ego.y_m + math.cos(ego.yaw_rad), ego.yaw_rad + 0.1, 3.0)
@@ -51,7 +51,7 @@ def plain() -> ExpertEpisode:
 def test_branches_change_nothing_about_the_drive(plain: ExpertEpisode) -> None:
     branched = drive(branches=True)
     assert branched.controls == plain.controls
-    assert all(same(a, b) for a, b in zip(branched.frames, plain.frames, strict=True))
+    assert all(same(a, b) for a, b in zip(branched.states, plain.states, strict=True))
     assert [planner.dropped for planner in branched.planners] == [planner.dropped for planner in plain.planners]
 
 
@@ -62,8 +62,8 @@ def test_a_branch_without_a_shift_is_what_really_happens(plain: ExpertEpisode) -
             sample = sample_branch(episode, None, ON_WAY)
             assert sample is not None
             assert list(sample.controls) == plain.controls[tick : tick + BRANCH_TICKS]
-            driven = plain.frames[tick : tick + BRANCH_TICKS + 1]
-            assert all(same(a, b) for a, b in zip(sample.frames, driven, strict=True))
+            driven = plain.states[tick : tick + BRANCH_TICKS + 1]
+            assert all(same(a, b) for a, b in zip(sample.states, driven, strict=True))
         assert episode.act() == control
         episode.step(control, control)
 
@@ -72,15 +72,15 @@ def test_on_the_way_the_future_of_a_sample_is_what_was_driven(plain: ExpertEpiso
     kept = [sample for sample in samples_of(WAY) if sample.source == ON_WAY]
     assert len(kept) > 20
     for sample in kept:
-        driven = [*plain.frames, plain.simulator.frame][sample.tick : sample.tick + BRANCH_TICKS + 1]
-        assert all(same(a, b) for a, b in zip(sample.frames, driven, strict=True))
+        driven = [*plain.states, plain.simulator.state][sample.tick : sample.tick + BRANCH_TICKS + 1]
+        assert all(same(a, b) for a, b in zip(sample.states, driven, strict=True))
 
 
 def test_the_same_names_give_the_same_samples() -> None:
     route, again = route_of(WAY), samples_of(WAY)
     once_more = drive_expert(route, data_seed=data_seed(route, noisy=False), seed=0)
     assert [(s.tick, s.source) for s in once_more] == [(s.tick, s.source) for s in again]
-    assert all(same(a.frames[-1], b.frames[-1]) for a, b in zip(once_more, again, strict=True))
+    assert all(same(a.states[-1], b.states[-1]) for a, b in zip(once_more, again, strict=True))
 
 
 def test_the_label_of_a_noisy_moment_is_an_expert_without_noise() -> None:
@@ -89,7 +89,7 @@ def test_the_label_of_a_noisy_moment_is_an_expert_without_noise() -> None:
     noise = burst_plan(draws(seed, route.id, 0, "noise"), 400)
     start = int(np.flatnonzero(noise)[0])
     episode = ExpertEpisode.begin(route, seed=0)
-    while episode.simulator.frame.tick < start:
+    while episode.simulator.state.tick < start:
         control = episode.act()
         episode.step(control, control)
     clean = sample_branch(episode, None, ON_WAY)
@@ -97,8 +97,8 @@ def test_the_label_of_a_noisy_moment_is_an_expert_without_noise() -> None:
     samples = [s for s in samples_of(WAY, noisy=True) if s.source == ON_WAY and start - 10 < s.tick <= start]
     assert samples
     for sample in samples:  # before the first burst the drive is the clean one, so is its future in the label
-        assert same(sample.frames[start - sample.tick], clean.frames[0])
-        assert same(sample.frames[start - sample.tick + 40], clean.frames[40])
+        assert same(sample.states[start - sample.tick], clean.states[0])
+        assert same(sample.states[start - sample.tick + 40], clean.states[40])
 
 
 def test_samples_come_in_the_order_of_time_and_only_shifted_ones_share_a_moment() -> None:
@@ -115,7 +115,7 @@ def test_shifted_samples_begin_beside_the_way_and_the_expert_comes_back() -> Non
     shifted = [s for s in samples if s.source == SHIFTED and s.tick in way]
     assert len(shifted) > 0.7 * len(way)
     starts = [s for s in samples if s.source == START]
-    assert all(s.here.ego.speed_mps == 0.0 and s.frames[-1].ego.speed_mps > 1.0 for s in starts)
+    assert all(s.here.ego.speed_mps == 0.0 and s.states[-1].ego.speed_mps > 1.0 for s in starts)
     for s in shifted:
         there, here = way[s.tick], s.here.ego
         aside = math.hypot(here.x_m - there.x_m, here.y_m - there.y_m)
@@ -140,7 +140,7 @@ def test_no_frame_is_kept_whose_future_holds_a_fault(monkeypatch: pytest.MonkeyP
     while not episode.over:
         control = episode.act()
         episode.step(control, control)
-    fault = episode.simulator.frame.tick
+    fault = episode.simulator.state.tick
     assert faults(episode.simulator) == 1 or episode.simulator.world.state.criteria[0] > 0.0
     samples = drive_expert(route_of(WAY), data_seed=data_seed(route_of(WAY), noisy=False), seed=0)
     assert samples
@@ -152,8 +152,8 @@ def test_a_branch_that_ends_in_a_collision_is_no_sample() -> None:
     for _ in range(40):
         control = episode.act()
         episode.step(control, control)
-    body = episode.simulator.frame.actors[0]
+    body = episode.simulator.state.actors[0]
     inside = Pose(float(body[WorldState.X]) - 3.0, float(body[WorldState.Y]), 0.0, 15.0)
-    before = episode.simulator.frame
+    before = episode.simulator.state
     assert sample_branch(episode, inside, SHIFTED) is None
-    assert same(episode.simulator.frame, before)
+    assert same(episode.simulator.state, before)

@@ -132,16 +132,16 @@ def driven(*controls: tuple[Control, int]) -> World:
 
 def test_the_ego_of_a_world_moves_as_the_fit_says_and_comes_to_rest() -> None:
     world = driven((Control(throttle=0.8), 40))
-    before = world.frame().ego
+    before = world.now().ego
     world.tick(Control(throttle=0.8, steer=0.2))
-    after = world.frame().ego
+    after = world.now().ego
     assert after.speed_mps == pytest.approx(fitted_speed(before.speed_mps, 0.8, FITTED_THROTTLE), abs=1e-9)
     assert after.yaw_rate_radps == pytest.approx(fitted_yaw_rate(before.speed_mps, 0.2), abs=1e-9)
     assert after.yaw_rad - before.yaw_rad == pytest.approx(after.yaw_rate_radps * DT_S)
     assert math.hypot(after.x_m - before.x_m, after.y_m - before.y_m) == pytest.approx(before.speed_mps * DT_S)
     for _ in range(100):
         world.tick(Control(brake=1.0))
-    assert world.frame().ego.speed_mps == 0.0
+    assert world.now().ego.speed_mps == 0.0
     there = world.state.ego[:3].copy()
     world.tick(Control(brake=1.0, steer=1.0))
     assert np.array_equal(world.state.ego[:3], there)
@@ -150,7 +150,7 @@ def test_the_ego_of_a_world_moves_as_the_fit_says_and_comes_to_rest() -> None:
 def test_put_elsewhere_its_wheels_stay_turned() -> None:
     world = driven((Control(throttle=0.7), 30), (Control(throttle=0.7, steer=0.2), 1))
     world.place_ego(0.0, 0.0, 0.0, 6.0)
-    ego = world.frame().ego
+    ego = world.now().ego
     assert ego.yaw_rate_radps == pytest.approx(fitted_yaw_rate(6.0, 0.2), abs=1e-9)
     assert ego.right_mps2 == pytest.approx(6.0 * ego.yaw_rate_radps)
 

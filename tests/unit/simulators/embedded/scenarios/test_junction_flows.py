@@ -172,7 +172,7 @@ def test_traffic_stays_out_of_each_other_where_no_ego_disturbs_it(name: str) -> 
         for _ in range(50):
             for _ in range(8):
                 world.tick(FULL_BRAKE)
-            cars = world.frame().actors[
+            cars = world.now().actors[
                 :, [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.LENGTH, WorldState.WIDTH]
             ]
             for i in range(len(cars)):

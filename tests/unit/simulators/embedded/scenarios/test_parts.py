@@ -49,7 +49,7 @@ def test_the_light_is_red_for_five_seconds_after_the_trigger_then_green(name: st
     for number in range(len(all_sites()[name])):
         world = World(drawn(name, number), seed=0)
         line = light_of_ego(world)
-        assert world.frame().lights[line] == LightState.RED
+        assert world.now().lights[line] == LightState.RED
         seen = lights_after_trigger(world, 160)[:, line]
         assert seen[0] == LightState.RED
         assert int(np.argmax(seen == LightState.GREEN)) == pytest.approx(100, abs=2)
@@ -61,7 +61,7 @@ def test_the_green_light_turns_red_after_five_seconds_for_five_or_until_another_
     for number in range(len(all_sites()["VanillaSignalizedTurnEncounterGreenLight"])):
         world = World(drawn("VanillaSignalizedTurnEncounterGreenLight", number), seed=0)
         line = light_of_ego(world)
-        assert world.frame().lights[line] == LightState.GREEN
+        assert world.now().lights[line] == LightState.GREEN
         seen = [LightState(int(state)) for state in lights_after_trigger(world, 600)[:, line]]
         assert seen.index(LightState.YELLOW) == pytest.approx(100, abs=2)
         red = [k for k, state in enumerate(seen) if state is LightState.RED]
