@@ -13,7 +13,7 @@ from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.report.run_records import RunRecords
-from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence
+from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence, infraction_s
 
 
 class EpisodeTable:
@@ -114,11 +114,16 @@ class EpisodeTable:
         ]
 
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
-        """Return kind, second, sentence and place in cm of every infraction, by time; the place is None where none."""
+        """Return kind, second, sentence and place in cm of every infraction, by time; None for what is not known."""
         return [
-            [self.word(item.kind.value), round(item.tick * result.dt_s, 2), self.word(item.detail), *_place(item)]
+            [self.word(item.kind.value), _second(item, result.dt_s), self.word(item.detail), *_place(item)]
             for item in sorted(result.infractions, key=lambda event: event.tick)
         ]
+
+
+def _second(item: Infraction, dt_s: float) -> float | None:
+    second = infraction_s(item, dt_s)
+    return None if second is None else round(second, 2)
 
 
 def _place(item: Infraction) -> tuple[int | None, int | None]:

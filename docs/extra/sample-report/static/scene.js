@@ -273,7 +273,7 @@ driveRobust.Scene = (() => {
     rings(context, colours, tick, dt) {
       for (const event of this.episode.events) {
         if (event.x === null || event.second > tick * dt) continue;
-        const fresh = tick * dt - event.second < FRESH_S;
+        const fresh = event.second !== null && tick * dt - event.second < FRESH_S;
         context.strokeStyle = colours.wrong;
         context.lineWidth = fresh ? 0.5 : 0.25;
         context.beginPath();

@@ -135,7 +135,8 @@ driveRobust.views.set("episode", (() => {
       if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
         for (const event of pane.episode.events) {
-          marks.push({ second: event.second, words: `${event.detail || KINDS[event.kind] || event.kind}`, kind: pane.role, pane });
+          /* Official results of others do not tell when: then it stands with the end, where all of it is known. */
+          marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
         }
         marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });
       }
@@ -156,7 +157,7 @@ driveRobust.views.set("episode", (() => {
       this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
       this.cursor = h("div", { class: "cursor" });
       this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
-      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
+      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
       return h("div", { class: "player" },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
         h("div", { class: "controls", role: "group", "aria-label": "Player" },
@@ -351,7 +352,7 @@ driveRobust.views.set("episode", (() => {
       const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => span.signal);
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
-      const event = pane.episode.events.filter((item) => item.second <= now && now - item.second < 3).pop();
+      const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
       const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `failure at work: ${words.join(", ")}` : "";
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
