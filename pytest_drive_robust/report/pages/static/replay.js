@@ -325,7 +325,7 @@ driveRobust.views.set("episode", (() => {
       if (!this.colours) return;
       const now = this.tick * this.dt;
       for (const pane of this.panes) {
-        const over = this.tick > pane.scene.ticks;
+        const over = this.tick >= pane.scene.ticks;
         const tick = Math.min(this.tick, pane.scene.ticks);
         const [width, height] = [pane.canvas.clientWidth, pane.canvas.clientHeight];
         if (!width || !height) continue;
@@ -405,7 +405,7 @@ driveRobust.views.set("episode", (() => {
       this.drawSeconds(context, width, height);
       const drawn = new Set();
       for (const mark of this.marks) {
-        const at = Math.round(x(mark.second / this.dt)) + 0.5;
+        const at = Math.min(Math.round(x(mark.second / this.dt)), width - 1) + 0.5;
         if (drawn.has(at)) continue;
         drawn.add(at);
         context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : colours.wrong;

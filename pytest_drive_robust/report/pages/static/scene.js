@@ -36,7 +36,7 @@ driveRobust.Scene = (() => {
       this.tracks = tracks;
       this.episode = episode;
       this.size = map ? [map.ego[0] / 100, map.ego[1] / 100] : [4.9, 1.85];
-      this.ticks = (motion.rows - 1) * motion.every + 1;
+      this.ticks = Math.min(motion.rows * motion.every, Math.round(episode.seconds / episode.dt));
       this.shapes = map ? this.static(map) : null;
     }
 
