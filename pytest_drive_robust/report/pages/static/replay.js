@@ -110,12 +110,19 @@ driveRobust.views.set("episode", (() => {
     return item.setting;
   }
 
+  const CONTROLS = ["throttle", "brake", "steer"];
+
+  /* The log of an official route tells no controls: zeros in a whole drive of others are none. */
+  function knowsControls({ motion }) {
+    return !isExternal(driveRobust.given.get("run")) || CONTROLS.some((name) => motion[name].some((value) => value !== 0));
+  }
+
   class Player {
     constructor(shown, start, dt) {
       this.dt = dt;
       const own = shown[shown.length - 1].episode;
       this.panes = shown.map(({ episode, data }) => ({
-        episode, role: episode === own && (shown.length > 1 || !episode.clean) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
+        episode, role: episode === own && (shown.length > 1 || !episode.clean) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode), controls: knowsControls(data),
       }));
       this.own = this.panes.find((pane) => pane.episode === own);
       this.twin = this.panes.find((pane) => pane !== this.own) || null;
@@ -198,8 +205,8 @@ driveRobust.views.set("episode", (() => {
         h("figcaption", {}, h("strong", {}, titleOf(pane.episode, this.own.episode)), " ", h("span", { class: "soft" }, pane.episode.scored ? `DS ${fixed(pane.episode.ds, 1)}` : "not scored")),
         h("div", { class: "view" }, pane.canvas, pane.state, pane.scene.tracks ? null : h("span", { class: "no-tracks" }, "other road users were not recorded")),
         h("div", { class: "dash" }, pane.speedNode, pane.toldNode,
-          pane.bars.map(({ name, bar }) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, bar))),
-          h("span", { class: "meter" }, h("span", { class: "label" }, "steer"), h("span", { class: "track" }, pane.steer))));
+          pane.controls ? null : h("span", { class: "soft" }, "throttle, brake and steering were not recorded"),
+          [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
 
     stripWords() {
@@ -382,7 +389,7 @@ driveRobust.views.set("episode", (() => {
         context.strokeStyle = colours.rule;
         context.lineWidth = 1;
         context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
-        for (const pane of this.panes) {
+        for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
           const { motion } = pane.scene;
           context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
           context.lineWidth = 1.5;
