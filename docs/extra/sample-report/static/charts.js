@@ -33,7 +33,7 @@ driveRobust.charts = (() => {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
     const [width, height] = [150, ends ? 32 : 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
-    const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
+    const words = `${item.metric} ${shownBeside(item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
@@ -92,7 +92,7 @@ driveRobust.charts = (() => {
       h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
     for (const point of points) {
       svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },
-        h("title", {}, `after ${counted(point[0], "route")}: ${shown(item.metric, point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
+        h("title", {}, `after ${counted(point[0], "route")}: ${shown(point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
     }
     return svg;
   }

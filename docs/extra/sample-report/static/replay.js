@@ -132,7 +132,6 @@ driveRobust.views.set("episode", (() => {
       this.scale = 7;
       this.showPlan = true;
       this.playing = false;
-      this.frames = 0;
       this.marks = this.marksOf();
     }
 
@@ -255,7 +254,6 @@ driveRobust.views.set("episode", (() => {
         if (!this.playing) return;
         if (last !== null) this.tick += ((now - last) / 1000 / this.dt) * this.speed;
         last = now;
-        this.frames += 1;
         if (this.tick >= this.length) { this.tick = this.length; this.toggle(); }
         this.draw();
         if (this.playing) requestAnimationFrame(frame);
@@ -447,5 +445,5 @@ driveRobust.views.set("episode", (() => {
 
   const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
 
-  return { render, KINDS };
+  return { render };
 })());
