@@ -26,7 +26,7 @@ driveRobust.episodes = (() => {
         trace: columns.trace[number], key: columns.key[number], cluster: -1,
       };
     });
-    (run.clusters || []).forEach((cluster, number) => cluster.episodes.forEach((episode) => { rows[episode].cluster = number; }));
+    run.clusters.forEach((cluster, number) => cluster.episodes.forEach((episode) => { rows[episode].cluster = number; }));
     return rows;
   }
 

@@ -136,6 +136,6 @@ const driveRobust = (() => {
 
   return {
     give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, badge,
-    tell, scroller, VERDICTS,
+    tell, scroller,
   };
 })();

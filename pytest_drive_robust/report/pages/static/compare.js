@@ -31,7 +31,7 @@ driveRobust.views.set("compare", (() => {
         h("td", {}, badge(cell.verdict)), h("th", { scope: "row" }, cell.setting), h("td", {}, cell.agent),
         h("td", { class: "number" }, fixed(cell.before.ds, 1)), h("td", { class: "number" }, fixed(cell.after.ds, 1)),
         h("td", { class: "number" }, cell.dsChange && cell.changed ? [signed(cell.dsChange[0], 1), h("span", { class: "range" }, ` ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`)] : "\u2013"),
-        h("td", {}, cell.dsChange && cell.changed ? driveRobust.charts.change(cell.dsChange, reach, 1, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
+        h("td", {}, cell.dsChange && cell.changed ? driveRobust.charts.change(cell.dsChange, reach, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
         h("td", { class: "number" }, `${shown(cell.before.sr)} \u2192 ${shown(cell.after.sr)}`),
         h("td", { class: "number" }, cell.rise ? [`${shown(cell.rise.before)} \u2192 ${shown(cell.rise.after)}`, h("span", { class: "range" }, cell.changed ? ` ${signed(cell.rise.low, 2)} to ${signed(cell.rise.high, 2)}` : "")] : "\u2013"),
         h("td", { class: "number" }, `${cell.changed} of ${cell.routes}`))))));

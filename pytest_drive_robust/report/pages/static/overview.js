@@ -133,7 +133,7 @@ driveRobust.views.set("", (() => {
   }
 
   function broken(run) {
-    const clusters = (run.clusters || []).slice(0, 5);
+    const clusters = run.clusters.slice(0, 5);
     if (!clusters.length) return null;
     const total = driveRobust.episodes.own().filter((item) => item.cluster >= 0).length;
     const most = clusters[0].episodes.length;

@@ -46,9 +46,7 @@ driveRobust.views.set("requirement", (() => {
     const episodes = driveRobust.episodes.own();
     return item.order.flatMap((route) => item.seeds.map((seed) => episodes.find((found) => found.agent === item.agent && found.setting === item.setting && found.route === route && found.seed === seed)))
       .filter(Boolean)
-      .map((episode) => {
-        return { episode, twin: twinOf(episode) };
-      });
+      .map((episode) => ({ episode, twin: twinOf(episode) }));
   }
 
   function twinOf(episode) {
