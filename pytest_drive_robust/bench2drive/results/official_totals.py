@@ -85,7 +85,7 @@ def score_results(
     results: ResultSet,
     comforts: Comforts,
     *,
-    mode: str = "bench2drive",
+    mode: str,
     scenarios: Mapping[str, str] | None = None,
     junctions: Mapping[str, float] | None = None,
 ) -> OfficialTotals:

@@ -138,7 +138,7 @@ def _before(result: EpisodeResult, tick: int) -> str:
     return nearest[1]
 
 
-def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: bool = False) -> str:
+def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: bool) -> str:
     """Return the end of a sentence: `"while turning left"`. Without a road only the ego's own turn is known.
 
     `leaving`: it left its lane in this tick, so that being off the road is no news.

@@ -49,17 +49,7 @@ class EpisodeTable:
                 twin_number = self.numbers[run, twin.episode]
             self.numbers[run, episode] = len(self.rows)
             self.results.append(result)
-            self.rows.append(
-                self._row(
-                    result,
-                    twin,
-                    twin_number,
-                    run=run,
-                    mode=records.mode,
-                    key=records.keys[episode],
-                    clean=records.is_clean(episode.setting),
-                )
-            )
+            self.rows.append(self._row(records, result, twin, twin_number, run=run))
 
     def as_data(self) -> dict[str, Any]:
         """Return columns by name, and the words."""
@@ -70,17 +60,9 @@ class EpisodeTable:
         }
 
     def _row(
-        self,
-        result: EpisodeResult,
-        twin: EpisodeResult | None,
-        twin_number: int,
-        *,
-        run: int,
-        mode: str,
-        key: str,
-        clean: bool,
+        self, records: RunRecords, result: EpisodeResult, twin: EpisodeResult | None, twin_number: int, *, run: int
     ) -> list[Any]:
-        episode = result.episode
+        episode, mode = result.episode, records.mode
         scored = result.outcome is not Outcome.INFRA_ERROR
         has_trace = len(result.trace.rows) > 0
         parted = first_divergence(twin, result) if twin is not None and has_trace and len(twin.trace.rows) else None
@@ -103,14 +85,14 @@ class EpisodeTable:
             round(result.game_s, 2),
             result.dt_s,
             round(result.wall_s, 3),
-            int(clean),
+            int(records.is_clean(episode.setting)),
             twin_number,
             None if parted is None else round(parted.second, 2),
             self.word("" if parted is None else parted.signal),
             self._events(result),
             [[self.word(span.signal), span.first_tick, span.last_tick] for span in result.schedule],
             int(has_trace) + 2 * int(has_trace and result.tracks is not None),
-            key[:12],
+            records.keys[episode][:12],
         ]
 
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
