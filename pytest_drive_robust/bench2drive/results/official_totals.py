@@ -8,7 +8,7 @@ total        bench2drive                                            fixed
 ============ ====================================================== =============================================
 DS, SR       sum over records / 220                                 mean over the routes that were scored
              a route that is there twice counts twice               its records are averaged
-             an ending that is the harness's fault counts           left out, and listed
+             what ended by a fault of the harness counts            left out, and listed
 efficiency   values above 1000 % dropped, routes without one left   kept, and 0 for a route without one
              out, mean over records                                 mean over routes
 comfort      see `metrics.comfort`                                  see `metrics.comfort`
