@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.asked_variables import PLANNER_TYPE, asked_variables
-from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
+from pytest_drive_robust.bench2drive.evaluator.attempt import STOPPED, Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.code_around import code_around
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version
@@ -123,7 +123,7 @@ def _drive(
     for number in range(1, setup.tries + 1):
         ended = _once(setup, route, run_folder, number, slot, stop)
         wall_s += ended.wall_s
-        if ended.trouble == "stopped":
+        if ended.trouble == STOPPED:
             break
         log = run_folder.log(route, number)
         record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)
