@@ -109,7 +109,8 @@ def _second(item: Infraction, dt_s: float) -> float | None:
 
 
 def _place(item: Infraction) -> tuple[int | None, int | None]:
-    """Return where it happened in cm; None where there is no place, or none that a simulator could tell."""
-    if item.kind in PLACELESS or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
+    """Return where it happened in cm; None where there is no place, or none that anybody told."""
+    untold = (item.tick, item.x_m, item.y_m) == (0, 0.0, 0.0)  # by an official message, see `official_record.place_of`
+    if item.kind in PLACELESS or untold or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
         return None, None
     return round(item.x_m * 100.0), round(item.y_m * 100.0)
