@@ -73,12 +73,11 @@ def _part(comparison: Comparison) -> str:
     settings = counted(len(cells) + comparison.elsewhere, "setting")
     if comparison.elsewhere:
         settings = f"{len(cells)} of {settings}"
-    shares = {(cell.routes, cell.all_routes) for cell in cells}
-    compared, held = (sum(share) for share in zip(*((cell.routes, cell.all_routes) for cell in cells), strict=True))
+    compared, held = sum(cell.routes for cell in cells), sum(cell.all_routes for cell in cells)
     if compared == held:
         return f"in {settings}" if comparison.elsewhere else ""
-    if len(shares) == 1:
-        return "on {} of {} routes".format(*shares.pop()) + f" in {settings}"
+    if len({(cell.routes, cell.all_routes) for cell in cells}) == 1:
+        return f"on {cells[0].routes} of {cells[0].all_routes} routes in {settings}"
     return f"on {compared} of {counted(held, 'score')} in {settings}"
 
 

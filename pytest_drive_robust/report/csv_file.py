@@ -11,6 +11,7 @@ from pytest_drive_robust.report.json_file import episode_as_json
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.store.whole_file import write_whole
+from pytest_drive_robust.verdict.explain import infraction_s
 
 COLUMNS = (
     "agent",
@@ -55,13 +56,14 @@ def episode_fields(result: EpisodeResult) -> dict[str, object]:
     facts = episode_as_json("", result)
     success = facts["success"]
     events = sorted(result.infractions, key=lambda event: event.tick)
+    first_s = infraction_s(events[0], result.dt_s) if events else None
     touched = () if result.reception is None else result.reception.touched
     return {
         **{name: facts[name] for name in COLUMNS if name in facts and name != "key"},
         "success": None if success is None else int(bool(success)),
         "route_completion_pct": float(result.route_completion_pct),
         "infractions": " ".join(event.kind.value for event in events),
-        "first_infraction_s": round(events[0].tick * result.dt_s, 6) if events else None,
+        "first_infraction_s": None if first_s is None else round(first_s, 6),
         "touched": " ".join(touch.signal for touch in touched),
         "game_s": round(result.game_s, 6),
     }

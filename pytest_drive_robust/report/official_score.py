@@ -13,10 +13,10 @@ _MOST_IDS = 30
 
 def score_as_json(score: OfficialTotals, notes: tuple[str, ...]) -> dict[str, Any]:
     """Return the totals as plain JSON types, numbers in full."""
-    told = {"metrics": score.mode, **asdict(score), "notes": notes}
-    del told["mode"]
-    abilities = {name: _rate_json(rate) for name, rate in score.abilities.items()}
-    return {**told, "abilities": abilities, "mean_ability": _rate_json(score.mean_ability)}
+    fields = asdict(score)
+    fields["abilities"] = {name: _rate_json(rate) for name, rate in score.abilities.items()}
+    fields["mean_ability"] = _rate_json(score.mean_ability)
+    return {"metrics": fields.pop("mode"), **fields, "notes": notes}
 
 
 def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:

@@ -31,35 +31,38 @@ def plan_text(
     any it is not known, as agents differ by a factor of a hundred. An episode holds its slot `together(agent)` times
     its own seconds.
     """
-    counts: dict[tuple[str, str], list[int]] = {}
+    asked: Counter[tuple[str, str]] = Counter()
+    stored: Counter[tuple[str, str]] = Counter()
+    to_drive: Counter[tuple[str, str]] = Counter()
     walls_s: dict[str, list[float]] = defaultdict(list)
     left: Counter[str] = Counter()
     for request in requests:
         agent = request.episode.agent
-        count = counts.setdefault((agent, request.episode.setting), [0, 0, 0])
-        count[0] += 1
-        stored = find(request.key)
-        if stored is not None:
-            count[1] += 1
-            walls_s[agent].append(stored.wall_s)
+        row = agent, request.episode.setting
+        asked[row] += 1
+        result = find(request.key)
+        if result is not None:
+            stored[row] += 1
+            walls_s[agent].append(result.wall_s)
         elif request.key in possible:
-            count[2] += 1
+            to_drive[row] += 1
             left[agent] += request.key in likely
     page = Page(colour=colour, width=width)
-    rows = [(*names, *map(str, numbers)) for names, numbers in counts.items()]
+    rows = [(*row, str(count), str(stored[row]), str(to_drive[row])) for row, count in asked.items()]
     page.table(("episodes", "stored", "to drive"), rows, setting_width=48, verdicts=False)
     waiting = {agent: count * together(agent) for agent, count in left.items() if count}
     held_s = [count * fmean(walls_s[agent]) for agent, count in waiting.items() if walls_s[agent]]
     unknown = [agent for agent in waiting if not walls_s[agent]]
-    most = sum(to_drive for _, _, to_drive in counts.values())
-    return f"{page.text}\n{_sentence(left.total(), most, held_s, unknown, slots)}"
+    return f"{page.text}\n{_sentence(left.total(), to_drive.total(), held_s, unknown, slots)}"
 
 
 def _sentence(left: int, most: int, held_s: list[float], unknown: list[str], slots: int) -> str:
     if not most:
         return "Every verdict is in: nothing would be driven."
-    driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
-    driven = f"{driven if left < most else f'{most} episodes would be driven'}, {slots} at a time"
+    driven = f"{most} episodes would be driven"
+    if left < most:
+        driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
+    driven += f", {slots} at a time"
     if not held_s:
         return f"{driven}; how long that takes shows when the first ones are stored."
     beside = f" and what those of {' and '.join(unknown)} take, of which none is stored yet" if unknown else ""

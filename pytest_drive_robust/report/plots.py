@@ -8,6 +8,7 @@ from html import escape
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.verdict.explain import infraction_s
 
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
 _CLEAN, _PERTURBED = "#1f77c4", "#dd6b10"
@@ -41,9 +42,11 @@ def speeds_svg(clean: EpisodeResult, perturbed: EpisodeResult) -> str:
         curves.append([((tick + 1) * result.dt_s, speed) for tick, speed in enumerate(speeds)])
     most = (max(clean.game_s, perturbed.game_s, 1.0), max(1.0, *(speed for curve in curves for _, speed in curve)))
     marks = [_path(curve, most, colour) for curve, colour in zip(curves, (_CLEAN, _PERTURBED), strict=True)]
-    for item in perturbed.infractions:
-        second = item.tick * perturbed.dt_s
-        marks.append(_path([(second, 0.0), (second, most[1])], most, "#c2255c", escape(item.detail)))
+    marks += [
+        _path([(second, 0.0), (second, most[1])], most, "#c2255c", escape(item.detail))
+        for item in perturbed.infractions
+        if (second := infraction_s(item, perturbed.dt_s)) is not None
+    ]
     name = f"{perturbed.episode.route_id}: m/s over seconds, clean blue, perturbed orange"
     return _chart(name, marks, most)
 

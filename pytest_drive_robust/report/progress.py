@@ -38,7 +38,7 @@ opposed to what pytest captures from tests."""
 class ProgressState:
     """What the events so far add up to. `clock` is in seconds and only its differences count."""
 
-    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._keys: set[str] = set()
         self._finished: set[str] = set()
         self._driven = 0

@@ -74,9 +74,9 @@ def _others(run: RunResult) -> list[str]:
 def _numbers(row: SettingRow, columns: Sequence[str]) -> list[str]:
     """Return the metrics and the count of routes that `columns` name, as they are shown."""
     summary = row.summary
-    routes = (f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)) + (
-        f" x {len(row.seeds)}" if len(row.seeds) > 1 else ""
-    )
+    routes = f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)
+    if len(row.seeds) > 1:
+        routes += f" x {len(row.seeds)}"
     if len(row.results) < row.needed:
         routes = f"{len(row.results)} of {row.needed}"
     numbers = {name: shown(name, value) for name, value in row.judged.items()} | {"routes": routes}

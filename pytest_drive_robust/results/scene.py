@@ -22,7 +22,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.report.road_map import RoadMaps, map_data
 from pytest_drive_robust.simulators.embedded.actors import SIZES_M
-from pytest_drive_robust.verdict.explain import describe_outcome
+from pytest_drive_robust.verdict.explain import describe_outcome, infraction_s
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -213,7 +213,8 @@ def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:
     for span in result.schedule:
         yield span.first_tick * dt_s, path, Note(legible(f"{span.perturbation} begins in {span.signal}"), bad=False)
     for item in result.infractions:
-        yield item.tick * dt_s, path, Note(legible(f"{item.kind.value}: {item.detail}"), bad=True)
+        second, note = infraction_s(item, dt_s), Note(legible(f"{item.kind.value}: {item.detail}"), bad=True)
+        yield result.game_s if second is None else second, path, note
     yield result.game_s, path, Note(legible(describe_outcome(result)), bad=False)
 
 

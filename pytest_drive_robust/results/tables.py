@@ -16,6 +16,7 @@ from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.report.csv_file import COLUMNS, episode_fields
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.store.events import Judged
+from pytest_drive_robust.verdict.explain import infraction_s
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
@@ -66,7 +67,7 @@ def _infractions(run: Run) -> Columns:
             **_names(run, result),
             "kind": item.kind.value,
             "tick": item.tick,
-            "time_s": round(item.tick * result.dt_s, 6),
+            "time_s": None if (second := infraction_s(item, result.dt_s)) is None else round(second, 6),
             "x_m": float(item.x_m),
             "y_m": float(item.y_m),
             "share_pct": float(item.share_pct),

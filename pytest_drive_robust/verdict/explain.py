@@ -133,7 +133,7 @@ def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult]
 
 
 def describe_outcome(result: EpisodeResult) -> str:
-    """Return how the episode ended and its first infraction, with their seconds.
+    """Return how the episode ended and its first infraction, with their seconds as far as they are known.
 
     `"completed, red light at 8.2 s"`, `"collision with vehicle at 11.3 s and 1 more, blocked at 61.0 s"`.
     """
@@ -146,6 +146,14 @@ def describe_outcome(result: EpisodeResult) -> str:
     if result.end in _BROKEN:
         end += f" ({result.end_detail})"
     return f"{first}, {end}" if first else end
+
+
+def infraction_s(item: Infraction, dt_s: float) -> float | None:
+    """Return when it happened, in seconds from the start; None for the tick 0: official records of others do not tell.
+
+    What we see ourselves is in tick 1 or later.
+    """
+    return item.tick * dt_s if item.tick > 0 else None
 
 
 def seconds_text(time_s: float) -> str:
@@ -210,5 +218,6 @@ def _first(events: list[Infraction], dt_s: float) -> str:
     event = events[0]
     share = f" for {event.share_pct:.0f} % of the way" if event.kind is InfractionKind.OUTSIDE_LANES else ""
     more = f" and {len(events) - 1} more" if len(events) > 1 else ""
-    when = "" if share else f" at {seconds_text(event.tick * dt_s)}"
+    second = infraction_s(event, dt_s)
+    when = "" if share or second is None else f" at {seconds_text(second)}"
     return f"{_EVENTS[event.kind]}{share}{when}{more}"

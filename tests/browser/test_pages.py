@@ -243,14 +243,14 @@ def judged_as(verdict, value, *, metric="DS", limit=50.0, comparison=">=", agent
     return Judged(*scope, verdict, value, **told)
 
 
-def report_of(folder, *results, judged=()):
+def report_of(folder, *results, judged=(), simulator="embedded"):
     """Write the pages of a run of any settings and agents."""
     found = {str(result.episode): result for result in results}
     keys: dict[tuple[str, str], list[str]] = {}
     for key, result in found.items():
         keys.setdefault((result.episode.agent, result.episode.setting), []).append(key)
     needed = [EpisodesNeeded(agent, "one-per-scenario", name, (0,), tuple(of)) for (agent, name), of in keys.items()]
-    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, *judged, Used(tuple(found))], found.get, versions={})
+    run = RunResult.of(RunOptions(simulator=simulator), [*needed, *judged, Used(tuple(found))], found.get, versions={})
     records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="made up")
     return write_pages(folder, records).parent
 
@@ -270,6 +270,28 @@ def test_failures_are_told_as_shares_of_what_each_agent_drove_under_each_setting
     shades = [cell.evaluate("cell => cell.style.getPropertyValue('--share')") for cell in page.locator("td.heat").all()]
     assert shades == ["20%", "80%", "80%"]
     assert "driver" in page.locator("table.tall tbody tr:nth-child(2) td").nth(1).inner_text()
+
+
+@pytest.mark.parametrize("ticks", [40, 41])
+def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, tmp_path, ticks):
+    report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
+    page = report.go("#/episode/driver/clean/101/0")
+    page.wait_for_selector("canvas")
+    page.keyboard.press("End")
+    assert tick(page) == ticks
+    assert text(page, ".state") == f"ended at {seconds_text(ticks * 0.05)}: arrived"
+
+
+def test_what_official_results_do_not_tell_is_not_shown_as_0(opened, tmp_path):
+    event = infraction(InfractionKind.COLLISION_VEHICLE, second=0.0)
+    result = make_result("101", infractions=[event], trace=trace_of(40))
+    for simulator, meters in (("results", 0), ("embedded", 3)):
+        page = opened(report_of(tmp_path / simulator, result, simulator=simulator)).go("#/episode/driver/clean/101/0")
+        page.wait_for_selector("canvas")
+        assert page.locator(".meter").count() == meters
+        assert page.locator(".marks .when").all_inner_texts() == ["?", "2.0 s"]
+        assert text(page, ".state") == ""
+        assert " at " not in text(page, "p.lead")
 
 
 def test_episodes_of_several_agents_name_theirs(opened, tmp_path):

@@ -122,9 +122,9 @@ def control_of(command: object) -> Control:
     """
     values: list[float] = []
     for field, low in _FIELDS:
-        given = getattr(command, field, None)
+        given: Any = getattr(command, field, None)
         try:
-            number = float(given)  # type: ignore[arg-type]
+            number = float(given)
         except (TypeError, ValueError):
             raise TypeError(
                 f"run_step returned {command!r} of type {type(command).__name__} whose {field} is {given!r}, expected "

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -109,10 +109,9 @@ def _numbers_of(spec: object, agent: str) -> dict[str, float]:
     return numbers
 
 
-def _number(given: object, field: str, what: str) -> float:
-    read: Callable[..., float] = float
+def _number(given: Any, field: str, what: str) -> float:
     try:
-        number = read(given)
+        number = float(given)
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):

@@ -16,6 +16,8 @@ from pytest_drive_robust.bench2drive.evaluator.guard import MARK, kill_marked, m
 
 _GUARD = Path(__file__).with_name("guard.py")
 _SERVER_SIGN = b"-carla-rpc-port="
+STOPPED = "stopped"
+"""The trouble of an attempt that was ended because `stop` was set."""
 _POLL_S = 0.1
 _LOOK_S = 2.0
 _ENDING_S = 30.0
@@ -54,7 +56,7 @@ def attempt(
 ) -> Attempt:
     """Run the command in `folder`, its output in `log`, until it ends or patience does. Nothing of it is left then.
 
-    Ends early, with the trouble "stopped", once `stop` is set.
+    Ends early, with the trouble `STOPPED`, once `stop` is set.
     """
     mark = uuid.uuid4().hex
     started_s = time.monotonic()
@@ -72,7 +74,7 @@ def attempt(
     try:
         watch = _Watch(mark, log, patience, started_s)
         while guard.poll() is None and not trouble:
-            trouble = "stopped" if stop is not None and stop.is_set() else watch.trouble()
+            trouble = STOPPED if stop is not None and stop.is_set() else watch.trouble()
             time.sleep(_POLL_S)
     finally:
         _end(guard, mark)

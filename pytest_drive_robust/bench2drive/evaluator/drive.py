@@ -8,15 +8,15 @@ import os
 import shutil
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.asked_variables import PLANNER_TYPE, asked_variables
-from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt, Patience, attempt
+from pytest_drive_robust.bench2drive.evaluator.attempt import STOPPED, Attempt, Patience, attempt
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.code_around import code_around
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version
-from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
+from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
@@ -43,10 +43,10 @@ class EvaluatorSetup:
     setting: Setting
     seed: int
     routes: Path
+    port: int
+    tries: int
+    patience: Patience
     gpu: int = 0
-    port: int = DEFAULT_PORT
-    tries: int = 3
-    patience: Patience = field(default_factory=Patience)
 
     @property
     def identity(self) -> dict[str, str]:
@@ -93,9 +93,9 @@ def drive_route(
     route: str,
     run_folder: RunFolder,
     *,
-    slot: int = 0,
+    slot: int,
     stop: threading.Event,
-    reuse: bool = True,
+    reuse: bool,
 ) -> DrivenRoute:
     """Drive a route until it has a score, at most `setup.tries` times, or until `stop` is set.
 
@@ -123,7 +123,7 @@ def _drive(
     for number in range(1, setup.tries + 1):
         ended = _once(setup, route, run_folder, number, slot, stop)
         wall_s += ended.wall_s
-        if ended.trouble == "stopped":
+        if ended.trouble == STOPPED:
             break
         log = run_folder.log(route, number)
         record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)

@@ -219,9 +219,8 @@ def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunF
     """
     episode = request.episode
     if driven.record is None:
-        detail = "; ".join(driven.troubles) or "stopped"
         outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
-        return bare_result(request.route, episode, outcome=outcome, end=end, detail=detail)
+        return bare_result(request.route, episode, outcome=outcome, end=end, detail="; ".join(driven.troubles))
     result = episode_of(driven.record, agent=episode.agent, setting=episode.setting, folders=(run_folder.results,))
     schedule, inference_s = driven.injected.get("schedule"), driven.injected.get("inference_s")
     return replace(

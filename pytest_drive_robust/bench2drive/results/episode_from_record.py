@@ -40,10 +40,10 @@ _VERSIONS = {"bench2drive": "results"}
 def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
     """Return the episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
 
-    Of records of others ticks of events are 0, controls and progress in the trace are 0 (it is empty without a log of
-    every tick), and `junction_passed` is False, which `metrics.ability` takes for unknown. Of our exports nothing is
-    lost; `agent` and `setting` must be those of the export. Raises `UsageError` for a record whose score does not
-    follow from its infractions, or that was edited.
+    Of records of others ticks of events are 0, which stands for unknown (`verdict.explain.infraction_s`), controls and
+    progress in the trace are 0 (it is empty without a log of every tick), and `junction_passed` is False, which
+    `metrics.ability` takes for unknown. Of our exports nothing is lost; `agent` and `setting` must be those of the
+    export. Raises `UsageError` for a record whose score does not follow from its infractions, or that was edited.
     """
     if record.own is not None:
         return _own(record, record.own, agent=agent, setting=setting, folders=folders)

@@ -20,6 +20,7 @@ from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_
 from pytest_drive_robust.bench2drive.results.motion_log import FILE_NAME, log_text
 from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.bench2drive.results.writing import record_of, results_document
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.base import Find
@@ -131,7 +132,7 @@ def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str],
     write_whole(folder / "results.json", json.dumps(results_document(records), indent=4, allow_nan=False) + "\n")
     write_whole(folder / "routes.xml", routes_text(results))
     first = results[0].episode
-    broken = sum(record["status"] == "Failed - Simulation crashed" for record in records)
+    broken = sum(result.outcome is Outcome.INFRA_ERROR for result in results)
     return Exported(folder, first.agent, first.setting, first.seed, len(records), logs, broken)
 
 

@@ -165,7 +165,7 @@ def _duration_s(fields: Mapping[str, Any], name: str, where: str) -> float:
 _OFFICIAL = re.compile(r"\b\d+(?:\.\d*)?%")
 _NUMBER = r"(?<![\w.+-])([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
 _SPEED = re.compile(_NUMBER + "%")
-_LANES = re.compile(r"\(" + r"(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)" + r"% of the completed route\)")
+_LANES = re.compile(r"\((\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)% of the completed route\)")
 LARGEST_PCT = 1e18
 """Traffic that creeps at a micrometre per hour; sums of such numbers are still numbers."""
 _PLACE = re.compile(r"\(x=(-?\d+(?:\.\d+)?), y=(-?\d+(?:\.\d+)?)(?:, z=-?\d+(?:\.\d+)?)?\)")

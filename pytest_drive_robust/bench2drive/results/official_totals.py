@@ -8,7 +8,7 @@ total        bench2drive                                            fixed
 ============ ====================================================== =============================================
 DS, SR       sum over records / 220                                 mean over the routes that were scored
              a route that is there twice counts twice               its records are averaged
-             an ending that is the harness's fault counts           left out, and listed
+             what ended by a fault of the harness counts            left out, and listed
 efficiency   values above 1000 % dropped, routes without one left   kept, and 0 for a route without one
              out, mean over records                                 mean over routes
 comfort      see `metrics.comfort`                                  see `metrics.comfort`
@@ -85,7 +85,7 @@ def score_results(
     results: ResultSet,
     comforts: Comforts,
     *,
-    mode: str = "bench2drive",
+    mode: str,
     scenarios: Mapping[str, str] | None = None,
     junctions: Mapping[str, float] | None = None,
 ) -> OfficialTotals:
@@ -98,8 +98,7 @@ def score_results(
     """
     require_mode(mode)
     official = mode == "bench2drive"
-    scorable = [record for record in results.records if not record.is_harness_error]
-    counted = results.records if official else scorable
+    counted = counted_records(results, mode)
     comfort_values = [(record, value) for record in counted if (value := comforts.value(record, mode)) is not None]
     efficiency_of = official_efficiency if official else _true_efficiency
     efficiencies = [(record, value) for record in counted if (value := efficiency_of(record)) is not None]
@@ -124,6 +123,13 @@ def score_results(
         missing=ids,
         missing_count=count,
     )
+
+
+def counted_records(results: ResultSet, mode: str) -> tuple[OfficialRecord, ...]:
+    """Return the records that count: officially all of them, else those whose end says something about the agent."""
+    if mode == "bench2drive":
+        return results.records
+    return tuple(record for record in results.records if not record.is_harness_error)
 
 
 def official_efficiency(record: OfficialRecord) -> float | None:

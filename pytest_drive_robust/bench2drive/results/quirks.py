@@ -20,6 +20,7 @@ from pytest_drive_robust.bench2drive.results.official_totals import (
     OFFICIAL_ROUTES,
     OfficialTotals,
     ability_route,
+    counted_records,
     official_efficiency,
 )
 from pytest_drive_robust.bench2drive.results.results_file import ResultSet
@@ -182,11 +183,7 @@ def _signs(score: OfficialTotals) -> Iterator[str]:
 
 
 def _logs(score: OfficialTotals, results: ResultSet, comforts: Comforts) -> Iterator[str]:
-    records = (
-        results.records
-        if score.mode == "bench2drive"
-        else [record for record in results.records if not record.is_harness_error]
-    )
+    records = counted_records(results, score.mode)
     if not score.comfort_records:
         yield "comfort: no metric_info.json was found; give its folder with --metric-dir"
     elif score.comfort_records < len(records):

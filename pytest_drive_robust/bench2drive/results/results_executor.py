@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
-from pytest_drive_robust.bench2drive.results.results_file import ResultSet, UnfinishedFile, read_results
+from pytest_drive_robust.bench2drive.results.results_file import UnfinishedFile, read_results
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
@@ -50,7 +50,7 @@ def parse_results(
                 f"--drive-results holds {part.strip()!r}, expected SETTING=FOLDER as in "
                 '--drive-results "clean=results/clean,200 ms latency=results/latency".'
             )
-        setting = str(read_setting(sentence, known).read_as(reading))
+        setting = str(_read_setting(sentence, known).read_as(reading))
         if setting in found:
             raise UsageError(f"--drive-results names {setting!r} twice: {str(found[setting])!r} and {path!r}.")
         found[setting] = Path(path)
@@ -64,7 +64,7 @@ def _named(part: str) -> tuple[str, str, str]:
     return part[:end], part[end : end + 1], part[end + 1 :]
 
 
-def read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
+def _read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None) -> Setting:
     """Read as `Setting.parse` does; `latency 200 ms` is understood as `200 ms latency` too."""
     try:
         return Setting.parse(sentence, known)
@@ -98,7 +98,7 @@ class ResultsSource:
     def read(cls, setting: str, path: Path) -> ResultsSource:
         """Read a file or folder of results. Raises `UsageError`."""
         try:
-            results: ResultSet = read_results(path)
+            results = read_results(path)
         except UsageError as error:
             raise UsageError(f"--drive-results, {setting!r}: {error}") from None
         found: dict[tuple[str, int], list[OfficialRecord]] = {}

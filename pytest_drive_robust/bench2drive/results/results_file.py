@@ -12,7 +12,6 @@ from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, 
 from pytest_drive_robust.errors import UsageError
 
 _MERGED = "merged.json"
-_RECORDS = "records"
 _MOST_SHOWN = 10
 
 
@@ -137,7 +136,7 @@ def _files_of(folder: Path) -> list[Path]:
 
 def _records_of(document: object) -> list[object] | None:
     checkpoint = document.get("_checkpoint") if isinstance(document, dict) else None
-    records = checkpoint.get(_RECORDS) if isinstance(checkpoint, dict) else None
+    records = checkpoint.get("records") if isinstance(checkpoint, dict) else None
     return records if isinstance(records, list) else None
 
 

@@ -8,7 +8,7 @@ from statistics import stdev
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.official_record import EXTENSION, LISTS, lanes_message, speed_message
-from pytest_drive_robust.domain.outcome import InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.score import driving_score, penalty
 from pytest_drive_robust.store.episode_fields import fields_of
@@ -70,7 +70,7 @@ def results_document(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     means = {name: round(sum(values) / len(values), 6) for name, values in scores.items()}
     deviations = {name: round(stdev(values), 3) if len(values) > 1 else 0.0 for name, values in scores.items()}
     rates = _events_per_km(records)
-    crashed = any("Simulation crashed" in item["status"] for item in records)
+    crashed = any(item["status"] == End.SIMULATION_CRASHED.value for item in records)
     return {
         "_checkpoint": {
             "global_record": {
@@ -120,9 +120,9 @@ def _status(result: EpisodeResult, messages: int) -> str:
     if result.outcome is Outcome.COMPLETED:
         return "Completed" if messages else "Perfect"
     if result.outcome is Outcome.AGENT_ERROR:
-        return "Failed - Agent crashed"
+        return End.AGENT_CRASHED.value
     if result.outcome is Outcome.INFRA_ERROR:
-        return "Failed - Simulation crashed"
+        return End.SIMULATION_CRASHED.value
     return result.end.value
 
 

@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.report.failures.road import Road
+from pytest_drive_robust.verdict.explain import infraction_s
 
 _WHAT = {
     InfractionKind.COLLISION_PEDESTRIAN: "Hit a pedestrian",
@@ -43,7 +44,7 @@ _OFF_ROAD_M = 1.5
 class Moment(NamedTuple):
     """What went wrong, as the beginning of a sentence, and in which tick.
 
-    `moves`: the ego was doing something then; `leaving`: what it did was to leave its lane.
+    `moves`: the ego was doing something then, and the tick is known; `leaving`: what it did was to leave its lane.
     """
 
     what: str
@@ -65,7 +66,7 @@ def first_failure(result: EpisodeResult, road: Road | None) -> Moment:
     timed = [item for item in result.infractions if item.kind in _WHAT]
     if timed:
         first = min(timed, key=lambda item: item.tick)
-        return Moment(_words(first), first.tick)
+        return Moment(_words(first), first.tick, moves=infraction_s(first, result.dt_s) is not None)
     kinds = {item.kind for item in result.infractions}
     if result.end is End.DEVIATED:
         return Moment("Left its route", _left_at(result, road), leaving=True)
@@ -137,7 +138,7 @@ def _before(result: EpisodeResult, tick: int) -> str:
     return nearest[1]
 
 
-def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: bool = False) -> str:
+def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: bool) -> str:
     """Return the end of a sentence: `"while turning left"`. Without a road only the ego's own turn is known.
 
     `leaving`: it left its lane in this tick, so that being off the road is no news.

@@ -10,6 +10,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.runner.replay.recording import Tape
 from pytest_drive_robust.verdict.explain import PLACELESS, first_divergence
 
+_MOST_TELLING = 6
 _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
 _STILL_MPS = 0.05
@@ -55,11 +56,11 @@ class Story:
             shown += [position] * (1 + (round(_HOLD_S / dt_s) if position in pauses else 0))
         return shown + [self.length] * round(_LAST_HOLD_S / dt_s)
 
-    def telling(self, *, most: int = 6) -> list[int]:
-        """Return the positions for a picture strip: start, divergence, infractions, end; at most `most`."""
+    def telling(self) -> list[int]:
+        """Return the positions for a picture strip: start, divergence, infractions, end; at most six."""
         happened = sorted({item.tick for items in self.events for item in items})
         first = [] if self.divergence is None else [self.divergence[0]]
-        kept = [0, *first, *happened[: most - 2 - len(first)], self.length]
+        kept = [0, *first, *happened[: _MOST_TELLING - 2 - len(first)], self.length]
         return sorted(set(kept))
 
 

@@ -13,7 +13,7 @@ from pytest_drive_robust.metrics.comfort import comfort
 from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.report.run_records import RunRecords
-from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence
+from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence, infraction_s
 
 
 class EpisodeTable:
@@ -49,17 +49,7 @@ class EpisodeTable:
                 twin_number = self.numbers[run, twin.episode]
             self.numbers[run, episode] = len(self.rows)
             self.results.append(result)
-            self.rows.append(
-                self._row(
-                    result,
-                    twin,
-                    twin_number,
-                    run=run,
-                    mode=records.mode,
-                    key=records.keys[episode],
-                    clean=records.is_clean(episode.setting),
-                )
-            )
+            self.rows.append(self._row(records, result, twin, twin_number, run=run))
 
     def as_data(self) -> dict[str, Any]:
         """Return columns by name, and the words."""
@@ -70,17 +60,9 @@ class EpisodeTable:
         }
 
     def _row(
-        self,
-        result: EpisodeResult,
-        twin: EpisodeResult | None,
-        twin_number: int,
-        *,
-        run: int,
-        mode: str,
-        key: str,
-        clean: bool,
+        self, records: RunRecords, result: EpisodeResult, twin: EpisodeResult | None, twin_number: int, *, run: int
     ) -> list[Any]:
-        episode = result.episode
+        episode, mode = result.episode, records.mode
         scored = result.outcome is not Outcome.INFRA_ERROR
         has_trace = len(result.trace.rows) > 0
         parted = first_divergence(twin, result) if twin is not None and has_trace and len(twin.trace.rows) else None
@@ -103,26 +85,32 @@ class EpisodeTable:
             round(result.game_s, 2),
             result.dt_s,
             round(result.wall_s, 3),
-            int(clean),
+            int(records.is_clean(episode.setting)),
             twin_number,
             None if parted is None else round(parted.second, 2),
             self.word("" if parted is None else parted.signal),
             self._events(result),
             [[self.word(span.signal), span.first_tick, span.last_tick] for span in result.schedule],
             int(has_trace) + 2 * int(has_trace and result.tracks is not None),
-            key[:12],
+            records.keys[episode][:12],
         ]
 
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
-        """Return kind, second, sentence and place in cm of every infraction, by time; the place is None where none."""
+        """Return kind, second, sentence and place in cm of every infraction, by time; None for what is not known."""
         return [
-            [self.word(item.kind.value), round(item.tick * result.dt_s, 2), self.word(item.detail), *_place(item)]
+            [self.word(item.kind.value), _second(item, result.dt_s), self.word(item.detail), *_place(item)]
             for item in sorted(result.infractions, key=lambda event: event.tick)
         ]
 
 
+def _second(item: Infraction, dt_s: float) -> float | None:
+    second = infraction_s(item, dt_s)
+    return None if second is None else round(second, 2)
+
+
 def _place(item: Infraction) -> tuple[int | None, int | None]:
-    """Return where it happened in cm; None where there is no place, or none that a simulator could tell."""
-    if item.kind in PLACELESS or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
+    """Return where it happened in cm; None where there is no place, or none that anybody told."""
+    untold = (item.tick, item.x_m, item.y_m) == (0, 0.0, 0.0)  # by an official message, see `official_record.place_of`
+    if item.kind in PLACELESS or untold or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
         return None, None
     return round(item.x_m * 100.0), round(item.y_m * 100.0)

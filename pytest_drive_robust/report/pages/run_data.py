@@ -28,8 +28,8 @@ def run_data(
     table: EpisodeTable,
     *,
     maps: RoadMaps,
-    comparison: Comparison | None = None,
-    before: RunRecords | None = None,
+    comparison: Comparison | None,
+    before: RunRecords | None,
 ) -> dict[str, Any]:
     """Return the document of the pages, and fill `table` with the episodes that they show."""
     document = records.document
@@ -89,7 +89,7 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _finite(bounds: Any) -> Any:
+def _finite(bounds: Sequence[float | None] | None) -> Sequence[float | None] | None:
     return None if bounds is None or None in map(bound, bounds) else bounds
 
 

@@ -48,11 +48,11 @@ def test_what_was_told_stands_in_its_tick_and_what_was_told_after_the_last_one_n
     assert np.array_equal(ticks["told_speed_mps"], [9.0, nan, 90.0, nan], equal_nan=True)
 
 
-def test_an_infraction_has_the_second_of_its_tick() -> None:
-    run = run_of(late(infractions=[infraction(InfractionKind.RED_LIGHT, second=1.5)], dt_s=0.05))
-    infractions = columns_of(run, "infractions")
-    assert (infractions["tick"], infractions["time_s"]) == ([30], [1.5])
-    assert (infractions["setting"], infractions["kind"]) == ([SETTING], [InfractionKind.RED_LIGHT.value])
+def test_an_infraction_has_the_second_of_its_tick_and_none_where_nobody_told() -> None:
+    events = [infraction(InfractionKind.RED_LIGHT, second=second) for second in (1.5, 0.0)]
+    infractions = columns_of(run_of(late(infractions=events, dt_s=0.05)), "infractions")
+    assert (infractions["tick"], infractions["time_s"]) == ([30, 0], [1.5, None])
+    assert (infractions["setting"], infractions["kind"]) == ([SETTING] * 2, [InfractionKind.RED_LIGHT.value] * 2)
 
 
 def test_an_episode_names_its_clean_twin_and_one_that_the_simulator_broke_has_no_metrics() -> None:

@@ -45,6 +45,12 @@ def test_the_first_infraction_is_the_earliest_and_the_others_are_counted() -> No
     assert describe_outcome(result) == "collision with vehicle at 11.3 s and 1 more, blocked at 61.0 s"
 
 
+def test_an_infraction_of_which_nobody_told_when_has_no_second() -> None:
+    result = make_result(end=End.BLOCKED, infractions=[infraction(InfractionKind.COLLISION_VEHICLE, second=0.0)])
+
+    assert describe_outcome(result).startswith("collision with vehicle, blocked at ")
+
+
 def test_leaving_the_lanes_is_told_by_its_share() -> None:
     event = infraction(InfractionKind.OUTSIDE_LANES, share_pct=12.4)
 

@@ -33,7 +33,7 @@ driveRobust.charts = (() => {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
     const [width, height] = [150, ends ? 32 : 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
-    const words = `${item.metric} ${shownBeside(item.metric, item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
+    const words = `${item.metric} ${shownBeside(item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
@@ -49,10 +49,6 @@ driveRobust.charts = (() => {
     return fixed(value, Number.isInteger(value) ? 0 : Number.isInteger(2 * value) ? 1 : 2);
   }
 
-  function frame(width, height, margin, label, words) {
-    return h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label }, h("desc", {}, words || ""));
-  }
-
   /* How the value and its interval changed with every route that was read. */
   function growth(item) {
     const [width, height, margin] = [640, 300, { left: 68, right: 16, top: 14, bottom: 44 }];
@@ -64,7 +60,7 @@ driveRobust.charts = (() => {
     const x = (count) => margin.left + (last > 1 ? (count - 1) / (last - 1) : 0.5) * (width - margin.left - margin.right);
     const y = (value) => margin.top + (1 - (Math.min(Math.max(value, low), high) - low) / (high - low)) * (height - margin.top - margin.bottom);
     const label = `${item.metric} after each of ${counted(item.routes, "route")}, against the limit ${shownLimit(item.metric, item.limit)}`;
-    const svg = frame(width, height, margin, label);
+    const svg = h("svg", { class: "chart", viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
     const lines = ticks(low, high, 5);
     const decimals = lines.every(Number.isInteger) && high > 1 ? 0 : 2;
     for (const value of lines) {
@@ -92,7 +88,7 @@ driveRobust.charts = (() => {
       h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
     for (const point of points) {
       svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },
-        h("title", {}, `after ${counted(point[0], "route")}: ${shown(item.metric, point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
+        h("title", {}, `after ${counted(point[0], "route")}: ${shown(point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
     }
     return svg;
   }
@@ -123,14 +119,11 @@ driveRobust.charts = (() => {
     return svg;
   }
 
-  /* A change with its interval around zero. `good` says in which direction it gets better. */
-  function change(values, reach, good, words) {
+  /* A change with its interval around zero, of a metric of which more is better. */
+  function change([mean, low, high], reach, words) {
     const [width, height] = [150, 22];
     const x = (value) => width / 2 + (Math.min(Math.max(value, -reach), reach) / reach) * (width / 2 - 5);
-    const [mean, low, high] = values;
-    const worse = good > 0 ? high < 0 : low > 0;
-    const better = good > 0 ? low > 0 : high < 0;
-    return h("svg", { class: `bullet ${worse ? "fail" : better ? "pass" : "inconclusive"}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
+    return h("svg", { class: `bullet ${high < 0 ? "fail" : low > 0 ? "pass" : "inconclusive"}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
       h("line", { class: "axis", x1: 5, x2: width - 5, y1: 11, y2: 11 }),
       h("line", { class: "limit", x1: width / 2, x2: width / 2, y1: 3, y2: 19 }),

@@ -26,7 +26,7 @@ driveRobust.episodes = (() => {
         trace: columns.trace[number], key: columns.key[number], cluster: -1,
       };
     });
-    (run.clusters || []).forEach((cluster, number) => cluster.episodes.forEach((episode) => { rows[episode].cluster = number; }));
+    run.clusters.forEach((cluster, number) => cluster.episodes.forEach((episode) => { rows[episode].cluster = number; }));
     return rows;
   }
 
@@ -59,7 +59,7 @@ driveRobust.episodes = (() => {
 
   /* The second to look at first: a little before the first thing that went wrong, or before the two parted. */
   function moment(episode) {
-    const first = episode.events.find((event) => event.x !== null);
+    const first = episode.events.find((event) => event.x !== null && event.second !== null);
     if (first) return first.second - 3;
     if (episode.parted !== null) return episode.parted - 1;
     return 0;

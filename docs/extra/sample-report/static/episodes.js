@@ -73,9 +73,9 @@ driveRobust.views.set("episodes", (() => {
     const results = h("div", {});
     const count = h("p", { class: "lead", role: "status" });
     const search = h("input", { type: "search", value: query.get("q") || "", placeholder: "scenario, route, what happened", "aria-label": "Search", oninput: () => change("q", search.value) });
+    const sentence = new Map(run.clusters.map((cluster) => [cluster.name, cluster.sentence]));
     const selects = FILTERS.map(([name, of]) => {
       const words = [...new Set(episodes.flatMap((item) => of(item, run)))].sort();
-      const sentence = new Map((run.clusters || []).map((cluster) => [cluster.name, cluster.sentence]));
       const select = h("select", { name, onchange: () => change(name, select.value) }, h("option", { value: "" }, "any"), words.map((word) => h("option", { value: word, selected: query.get(name) === word }, name === "kind" ? sentence.get(word) : word)));
       return words.length > 1 || query.get(name) ? h("label", {}, h("span", {}, name === "kind" ? "failure" : name), select) : null;
     });

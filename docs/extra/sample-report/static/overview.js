@@ -67,7 +67,7 @@ driveRobust.views.set("", (() => {
         h("td", {}, badge(item.verdict)),
         h("th", { scope: "row" }, h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), item.verdict === "error" && item.reason ? h("p", { class: "soft why" }, item.reason) : null),
         h("td", { class: "who" }, item.agent),
-        h("td", { class: "number" }, shownBeside(item.metric, item.value, item.limit)),
+        h("td", { class: "number" }, shownBeside(item.value, item.limit)),
         h("td", { class: "drawn" }, driveRobust.charts.bullet(item, extents.get(item.metric), firsts.has(item))),
         h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013")))))), legendOf(items)];
   }
@@ -91,11 +91,11 @@ driveRobust.views.set("", (() => {
     const value = row.numbers[metric];
     const share = goodness(metric, value);
     const interval = row.intervals[metric];
-    const words = [`${row.agent} under ${row.label}: ${metric} ${shown(metric, value)}`];
+    const words = [`${row.agent} under ${row.label}: ${metric} ${shown(value)}`];
     if (interval) words.push(`${driveRobust.given.get("run").level} interval on routes like these ${between(metric, ...interval)}`);
     words.push(`${row.routes} of ${counted(row.planned, "route")}`);
     const empty = value === null || value === undefined;
-    const inside = [shown(metric, value), interval ? h("span", { class: "range" }, ` ${rangeOf(metric, interval)}`) : null];
+    const inside = [shown(value), interval ? h("span", { class: "range" }, ` ${rangeOf(metric, interval)}`) : null];
     return h("td", { class: `number heat${share === null ? " flat" : share < 0.5 ? " low" : ""}`, title: words.join(", "), vars: share === null ? {} : { share: `${Math.round(Math.abs(share - 0.5) * 200)}%` } },
       empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
   }
@@ -133,7 +133,7 @@ driveRobust.views.set("", (() => {
   }
 
   function broken(run) {
-    const clusters = (run.clusters || []).slice(0, 5);
+    const clusters = run.clusters.slice(0, 5);
     if (!clusters.length) return null;
     const total = driveRobust.episodes.own().filter((item) => item.cluster >= 0).length;
     const most = clusters[0].episodes.length;

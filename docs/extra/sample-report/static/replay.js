@@ -110,12 +110,19 @@ driveRobust.views.set("episode", (() => {
     return item.setting;
   }
 
+  const CONTROLS = ["throttle", "brake", "steer"];
+
+  /* The log of an official route tells no controls: zeros in a whole drive of others are none. */
+  function knowsControls({ motion }) {
+    return !isExternal(driveRobust.given.get("run")) || CONTROLS.some((name) => motion[name].some((value) => value !== 0));
+  }
+
   class Player {
     constructor(shown, start, dt) {
       this.dt = dt;
       const own = shown[shown.length - 1].episode;
       this.panes = shown.map(({ episode, data }) => ({
-        episode, role: episode === own && (shown.length > 1 || !episode.clean) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode),
+        episode, role: episode === own && (shown.length > 1 || !episode.clean) ? "perturbed" : "clean", scene: new driveRobust.Scene(data, episode), controls: knowsControls(data),
       }));
       this.own = this.panes.find((pane) => pane.episode === own);
       this.twin = this.panes.find((pane) => pane !== this.own) || null;
@@ -125,7 +132,6 @@ driveRobust.views.set("episode", (() => {
       this.scale = 7;
       this.showPlan = true;
       this.playing = false;
-      this.frames = 0;
       this.marks = this.marksOf();
     }
 
@@ -135,7 +141,8 @@ driveRobust.views.set("episode", (() => {
       if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
         for (const event of pane.episode.events) {
-          marks.push({ second: event.second, words: `${event.detail || KINDS[event.kind] || event.kind}`, kind: pane.role, pane });
+          /* Official results of others do not tell when: then it stands with the end, where all of it is known. */
+          marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
         }
         marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });
       }
@@ -156,7 +163,7 @@ driveRobust.views.set("episode", (() => {
       this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
       this.cursor = h("div", { class: "cursor" });
       this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
-      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
+      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
       return h("div", { class: "player" },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
         h("div", { class: "controls", role: "group", "aria-label": "Player" },
@@ -197,8 +204,8 @@ driveRobust.views.set("episode", (() => {
         h("figcaption", {}, h("strong", {}, titleOf(pane.episode, this.own.episode)), " ", h("span", { class: "soft" }, pane.episode.scored ? `DS ${fixed(pane.episode.ds, 1)}` : "not scored")),
         h("div", { class: "view" }, pane.canvas, pane.state, pane.scene.tracks ? null : h("span", { class: "no-tracks" }, "other road users were not recorded")),
         h("div", { class: "dash" }, pane.speedNode, pane.toldNode,
-          pane.bars.map(({ name, bar }) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, bar))),
-          h("span", { class: "meter" }, h("span", { class: "label" }, "steer"), h("span", { class: "track" }, pane.steer))));
+          pane.controls ? null : h("span", { class: "soft" }, "throttle, brake and steering were not recorded"),
+          [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
 
     stripWords() {
@@ -247,7 +254,6 @@ driveRobust.views.set("episode", (() => {
         if (!this.playing) return;
         if (last !== null) this.tick += ((now - last) / 1000 / this.dt) * this.speed;
         last = now;
-        this.frames += 1;
         if (this.tick >= this.length) { this.tick = this.length; this.toggle(); }
         this.draw();
         if (this.playing) requestAnimationFrame(frame);
@@ -324,7 +330,7 @@ driveRobust.views.set("episode", (() => {
       if (!this.colours) return;
       const now = this.tick * this.dt;
       for (const pane of this.panes) {
-        const over = this.tick > pane.scene.ticks;
+        const over = this.tick >= pane.scene.ticks;
         const tick = Math.min(this.tick, pane.scene.ticks);
         const [width, height] = [pane.canvas.clientWidth, pane.canvas.clientHeight];
         if (!width || !height) continue;
@@ -351,7 +357,7 @@ driveRobust.views.set("episode", (() => {
       const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => span.signal);
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
-      const event = pane.episode.events.filter((item) => item.second <= now && now - item.second < 3).pop();
+      const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
       const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `failure at work: ${words.join(", ")}` : "";
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
@@ -381,7 +387,7 @@ driveRobust.views.set("episode", (() => {
         context.strokeStyle = colours.rule;
         context.lineWidth = 1;
         context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
-        for (const pane of this.panes) {
+        for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
           const { motion } = pane.scene;
           context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
           context.lineWidth = 1.5;
@@ -404,7 +410,7 @@ driveRobust.views.set("episode", (() => {
       this.drawSeconds(context, width, height);
       const drawn = new Set();
       for (const mark of this.marks) {
-        const at = Math.round(x(mark.second / this.dt)) + 0.5;
+        const at = Math.min(Math.round(x(mark.second / this.dt)), width - 1) + 0.5;
         if (drawn.has(at)) continue;
         drawn.add(at);
         context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : colours.wrong;
@@ -439,5 +445,5 @@ driveRobust.views.set("episode", (() => {
 
   const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
 
-  return { render, KINDS };
+  return { render };
 })());

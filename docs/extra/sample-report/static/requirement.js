@@ -31,14 +31,14 @@ driveRobust.views.set("requirement", (() => {
     const interval = between(item.metric, item.low, item.high);
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
     const where = item.rule === "evidence" ? " on routes like these" : "";
-    return `${item.metric} is ${shownBeside(item.metric, item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
+    return `${item.metric} is ${shownBeside(item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
   }
 
   function growthWords(item) {
     const points = item.growth;
     return h("details", {}, h("summary", {}, "As a table"), scroller("Evidence", h("table", { class: "list" },
       h("thead", {}, h("tr", {}, ["routes", item.metric, "from", "to"].map((name) => h("th", { scope: "col", class: "number" }, name)))),
-      h("tbody", {}, points.map((point) => h("tr", {}, h("th", { scope: "row", class: "number" }, point[0]), point.slice(1).map((value) => h("td", { class: "number" }, shown(item.metric, value)))))))));
+      h("tbody", {}, points.map((point) => h("tr", {}, h("th", { scope: "row", class: "number" }, point[0]), point.slice(1).map((value) => h("td", { class: "number" }, shown(value)))))))));
   }
 
   /* The episodes behind the verdict with their twins, in the order in which they were read. */
@@ -46,9 +46,7 @@ driveRobust.views.set("requirement", (() => {
     const episodes = driveRobust.episodes.own();
     return item.order.flatMap((route) => item.seeds.map((seed) => episodes.find((found) => found.agent === item.agent && found.setting === item.setting && found.route === route && found.seed === seed)))
       .filter(Boolean)
-      .map((episode) => {
-        return { episode, twin: twinOf(episode) };
-      });
+      .map((episode) => ({ episode, twin: twinOf(episode) }));
   }
 
   function twinOf(episode) {
@@ -66,7 +64,7 @@ driveRobust.views.set("requirement", (() => {
     if (!item.worst.length) return null;
     const all = driveRobust.episodes.all();
     /* The number by which a route is one of the worst: a metric of its own beside the driving score. */
-    const numbers = (value, ds) => `${value === null ? "" : `${item.metric} ${shown(item.metric, value)}, `}DS ${fixed(ds, 1)}`;
+    const numbers = (value, ds) => `${value === null ? "" : `${item.metric} ${shown(value)}, `}DS ${fixed(ds, 1)}`;
     return h("section", {}, h("h2", {}, "Worst routes"), h("ul", { class: "cards" }, item.worst.map(([number, cleanValue, value]) => {
       const episode = all[number];
       const twin = twinOf(episode);

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.abc
 import importlib.machinery
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType, ModuleType
 
 from pytest_drive_robust.bench2drive.agents.stand_ins import foreign_types
@@ -56,7 +56,7 @@ def install_stand_ins() -> None:
         sys.meta_path.append(_Finder())
 
 
-def _refusal(name: str, names: tuple[str, ...]):  # type: ignore[no-untyped-def]
+def _refusal(name: str, names: tuple[str, ...]) -> Callable[[str], object]:
     top = name.partition(".")[0]
 
     def __getattr__(attribute: str) -> object:  # noqa: N807 - the module's own hook

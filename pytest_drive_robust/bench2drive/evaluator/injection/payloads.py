@@ -25,8 +25,7 @@ DEBUG_CAMERAS = ("bev",)
 
 def cameras_of(sensors: Iterable[Mapping[str, Any]]) -> list[CameraSpec]:
     """Return the rig: the draws for a camera are asked by its place among the cameras of the agent, not by its id."""
-    found = [str(sensor["id"]) for sensor in sensors if str(sensor["type"]).startswith("sensor.camera.")]
-    return [CameraSpec(tag) for tag in found]
+    return [CameraSpec(str(item["id"])) for item in sensors if str(item["type"]).startswith("sensor.camera.")]
 
 
 def kind_of(payload: Any) -> str:

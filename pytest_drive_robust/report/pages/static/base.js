@@ -77,11 +77,11 @@ const driveRobust = (() => {
   }
   /* Every metric as in the terminal (report/numbers.py). */
   const DECIMALS = 2;
-  function shown(metric, value) {
+  function shown(value) {
     return fixed(value, DECIMALS);
   }
   /* A value where its limit stands beside it: with as many more decimals as tell the two apart. */
-  function shownBeside(metric, value, limit) {
+  function shownBeside(value, limit) {
     if (value === null || value === undefined) return fixed(value, 0);
     const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
     let decimals = DECIMALS;
@@ -90,7 +90,7 @@ const driveRobust = (() => {
   }
   /* A limit as its requirement states it. */
   function shownLimit(metric, limit) {
-    const decimals = ["RD", "SR"].includes(metric) ? 2 : 0;
+    const decimals = given.get("run").metrics[metric]?.decimals ?? 0;
     return Number(limit.toFixed(decimals)) === limit ? fixed(limit, decimals) : String(limit).replace("-", MINUS);
   }
   function signed(value, decimals) {
@@ -98,7 +98,7 @@ const driveRobust = (() => {
   }
   function between(metric, low, high) {
     if (low === null && high === null) return "";
-    const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(metric, value));
+    const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(value));
     return `${word(low)} to ${word(high)}`;
   }
   /* A time of an episode as sentences of Python round it (verdict/explain.py): 7.25 is 7.3. */
@@ -136,6 +136,6 @@ const driveRobust = (() => {
 
   return {
     give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, badge,
-    tell, scroller, VERDICTS,
+    tell, scroller,
   };
 })();

@@ -31,15 +31,15 @@ driveRobust.views.set("compare", (() => {
         h("td", {}, badge(cell.verdict)), h("th", { scope: "row" }, cell.setting), h("td", {}, cell.agent),
         h("td", { class: "number" }, fixed(cell.before.ds, 1)), h("td", { class: "number" }, fixed(cell.after.ds, 1)),
         h("td", { class: "number" }, cell.dsChange && cell.changed ? [signed(cell.dsChange[0], 1), h("span", { class: "range" }, ` ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`)] : "\u2013"),
-        h("td", {}, cell.dsChange && cell.changed ? driveRobust.charts.change(cell.dsChange, reach, 1, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
-        h("td", { class: "number" }, `${shown("SR", cell.before.sr)} \u2192 ${shown("SR", cell.after.sr)}`),
-        h("td", { class: "number" }, cell.rise ? [`${shown("RD", cell.rise.before)} \u2192 ${shown("RD", cell.rise.after)}`, h("span", { class: "range" }, cell.changed ? ` ${signed(cell.rise.low, 2)} to ${signed(cell.rise.high, 2)}` : "")] : "\u2013"),
+        h("td", {}, cell.dsChange && cell.changed ? driveRobust.charts.change(cell.dsChange, reach, `DS changed by ${signed(cell.dsChange[0], 1)}, ${signed(cell.dsChange[1], 1)} to ${signed(cell.dsChange[2], 1)}`) : ""),
+        h("td", { class: "number" }, `${shown(cell.before.sr)} \u2192 ${shown(cell.after.sr)}`),
+        h("td", { class: "number" }, cell.rise ? [`${shown(cell.rise.before)} \u2192 ${shown(cell.rise.after)}`, h("span", { class: "range" }, cell.changed ? ` ${signed(cell.rise.low, 2)} to ${signed(cell.rise.high, 2)}` : "")] : "\u2013"),
         h("td", { class: "number" }, `${cell.changed} of ${cell.routes}`))))));
   }
 
   function means(comparison) {
     const lines = Object.entries(comparison.means);
-    return lines.length ? h("ul", {}, lines.map(([agent, rise]) => h("li", {}, `${agent}: mean RD ${shown("RD", rise.before)} \u2192 ${shown("RD", rise.after)}, by ${signed(rise.low, 3)} to ${signed(rise.high, 3)} on ${counted(rise.routes, "route")}`))) : null;
+    return lines.length ? h("ul", {}, lines.map(([agent, rise]) => h("li", {}, `${agent}: mean RD ${shown(rise.before)} \u2192 ${shown(rise.after)}, by ${signed(rise.low, 3)} to ${signed(rise.high, 3)} on ${counted(rise.routes, "route")}`))) : null;
   }
 
   function list(title, flips) {

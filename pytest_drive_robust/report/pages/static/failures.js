@@ -5,7 +5,7 @@ driveRobust.views.set("failures", (() => {
 
   function render([name]) {
     const run = driveRobust.given.get("run");
-    const clusters = run.clusters || [];
+    const { clusters } = run;
     if (name) return one(run, clusters.find((item) => item.name === name));
     const total = clusters.reduce((sum, cluster) => sum + cluster.episodes.length, 0);
     if (!total) return { title: "Failures", nodes: [h("h1", {}, "No episode broke"), h("p", {}, "Every route was driven to its end without an infraction.")] };

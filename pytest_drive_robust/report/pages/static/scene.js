@@ -36,7 +36,7 @@ driveRobust.Scene = (() => {
       this.tracks = tracks;
       this.episode = episode;
       this.size = map ? [map.ego[0] / 100, map.ego[1] / 100] : [4.9, 1.85];
-      this.ticks = (motion.rows - 1) * motion.every + 1;
+      this.ticks = Math.min(motion.rows * motion.every, Math.round(episode.seconds / episode.dt));
       this.shapes = map ? this.static(map) : null;
     }
 
@@ -273,7 +273,7 @@ driveRobust.Scene = (() => {
     rings(context, colours, tick, dt) {
       for (const event of this.episode.events) {
         if (event.x === null || event.second > tick * dt) continue;
-        const fresh = tick * dt - event.second < FRESH_S;
+        const fresh = event.second !== null && tick * dt - event.second < FRESH_S;
         context.strokeStyle = colours.wrong;
         context.lineWidth = fresh ? 0.5 : 0.25;
         context.beginPath();

@@ -16,7 +16,9 @@ from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.metrics.summary import summarize
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.report.csv_file import episode_fields
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.verdict.explain import infraction_s
 
 
 def scope_of(executor: ResultsExecutor, *, seeds: tuple[int, ...] = (0,)) -> Scope:
@@ -88,6 +90,8 @@ def test_a_record_becomes_the_episode_that_it_tells_of(tmp_path: Path) -> None:
         InfractionKind.OUTSIDE_LANES,
     }
     assert (result.infractions[0].x_m, result.infractions[0].y_m) == (1.5, -2.25)
+    assert [infraction_s(event, result.dt_s) for event in result.infractions] == [None, None]
+    assert episode_fields(result)["first_infraction_s"] is None
     assert result.speed_ratios_pct == (80.0, 120.5)
     assert result.game_s == pytest.approx(42.0)
     assert len(result.trace.rows) == 0

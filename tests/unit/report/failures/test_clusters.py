@@ -62,6 +62,7 @@ def hit(second: float = 1.0, **given):
         (hit(), "Hit a vehicle while following the road"),
         (hit(2.0, trace=trace_of(40, yaw_rad=np.linspace(0, 1.2, 40))), "Hit a vehicle while turning right"),
         (hit(2.0, trace=trace_of(40, yaw_rad=np.linspace(0, -1.2, 40))), "Hit a vehicle while turning left"),
+        (hit(0.0), "Hit a vehicle"),  # official records do not tell when, so not what the ego was doing
         (make_result(end=End.AGENT_CRASHED), "The agent broke"),
         (crashed_simulation(), "The simulation broke"),
         (make_result(end=End.BLOCKED, trace=trace_of(400)), "Stood still to the end"),

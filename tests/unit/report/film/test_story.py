@@ -70,7 +70,7 @@ def test_the_telling_moments_are_start_divergence_infractions_and_end() -> None:
     story = story_of((tape_of(result_of(40)), tape_of(result_of(60, speed_mps=7.0, infractions=events))))
     assert story.telling() == [0, 1, 20, 30, 60]
     many = [infraction(InfractionKind.COLLISION_VEHICLE, second=0.5 + 0.1 * k) for k in range(20)]
-    assert len(story_of((tape_of(result_of(60, infractions=many)),)).telling(most=6)) == 6
+    assert len(story_of((tape_of(result_of(60, infractions=many)),)).telling()) == 6
 
 
 def test_an_infraction_of_the_whole_way_has_no_place_and_a_crash_is_an_event() -> None:

@@ -11,7 +11,7 @@ import pytest
 from report_pages import data_of, motion_of
 from result_factory import FULL, crashed_simulation, infraction, make_result, scored, trace_of
 
-from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import Given, Reception, Touch
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
@@ -238,6 +238,17 @@ def test_every_kind_of_episode_can_be_shown(tmp_path):
     columns = data_of(tmp_path)["episodes"]
     assert columns["ds"][1] is None
     assert columns["trace"] == [1, 1, 0]
+
+
+def test_what_nobody_told_of_an_infraction_is_null(tmp_path):
+    events = [Infraction(InfractionKind.RED_LIGHT, *told) for told in ((0, "", 1.5, 2.0), (0, ""), (20, ""))]
+    write_pages(tmp_path, records(make_result("101", infractions=events)))
+    (shown,) = data_of(tmp_path)["episodes"]["events"]
+    assert [(second, x_cm, y_cm) for _, second, _, x_cm, y_cm in shown] == [
+        (None, 150, 200),
+        (None, None, None),
+        (1.0, 0, 0),
+    ]
 
 
 def evidence():
