@@ -14,6 +14,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression.references import project_store, read_run_document
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.results.mcap_file import write_mcap
 from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run
@@ -96,7 +97,7 @@ def _write_official(options: argparse.Namespace) -> int:
     towns, specs = _towns(document)
     written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)
     for item in written:
-        say(f"{item.folder}: {item.agent} under {item.setting}, seed {item.seed}: {item.records} records")
+        say(f"{item.folder}: {item.agent} under {item.setting}, seed {item.seed}: {counted(item.records, 'record')}")
         if item.broken:
             say(f"  {item.broken} ended as infra_error: a crashed simulation officially, which counts as 0")
         if item.logs < item.records:

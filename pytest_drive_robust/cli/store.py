@@ -75,7 +75,7 @@ def _verify(options: argparse.Namespace) -> int:
     for damage in damages:
         print(f"{damage.path}: {damage.problem}")
     damaged = [damage for damage in damages if not damage.later_version]
-    print(f"{folder}: {count} episodes, {len(damaged)} damaged")
+    print(f"{folder}: {counted(count, 'episode')}, {len(damaged)} damaged")
     if not damaged:
         return 0
     if not options.fix:
@@ -97,10 +97,10 @@ def _gc(options: argparse.Namespace) -> int:
             if agent not in known:
                 raise UnknownNameError.of("agent", agent, known, hint=f"The store is {str(folder)!r}.")
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
-    print(
-        f"{folder}: {'would remove' if options.dry_run else 'removed'} {swept.records} episodes, {swept.set_aside} "
-        f"damaged records and {swept.leftovers} leftovers of writers that died, {swept.size_bytes / _MEGA:.1f} MB"
-    )
+    removed = f"{counted(swept.records, 'episode')}, {counted(swept.set_aside, 'damaged record')}"
+    leftovers = f"{counted(swept.leftovers, 'leftover')} of writers that died"
+    did = "would remove" if options.dry_run else "removed"
+    print(f"{folder}: {did} {removed} and {leftovers}, {swept.size_bytes / _MEGA:.1f} MB")
     if not swept.problems:
         return 0
     print(f"{counted(len(swept.problems), 'file')} could not be removed, first {swept.problems[0]}")

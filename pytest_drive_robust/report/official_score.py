@@ -7,6 +7,7 @@ from typing import Any
 
 from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.report.numbers import counted
 
 _MOST_IDS = 30
 
@@ -25,10 +26,8 @@ def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
 
 def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:
     """Return the totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
-    lines = [
-        f"{shown(source, quotes=False)}: {score.records} records of {score.routes} routes, {score.mode} metrics",
-        "",
-    ]
+    records = f"{counted(score.records, 'record')} of {counted(score.routes, 'route')}"
+    lines = [f"{shown(source, quotes=False)}: {records}, {score.mode} metrics", ""]
     for name, value, unit in (
         ("DS", score.ds, ""),
         ("SR", score.sr, ""),
@@ -38,8 +37,8 @@ def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) ->
         text = "-" if value is None else f"{value:.4f}{unit}"
         lines.append(f"{name:<18}{text} {_marks((name,), notes)}".rstrip())
     for name, rate in {**score.abilities, "mean of abilities": score.mean_ability}.items():
-        counted = "" if name not in score.abilities else f"  of {rate.routes} routes"
-        lines.append(f"{name:<18}{_rate_text(rate)}{counted} {_marks((name, 'abilities'), notes)}".rstrip())
+        over = "" if name not in score.abilities else f"  of {counted(rate.routes, 'route')}"
+        lines.append(f"{name:<18}{_rate_text(rate)}{over} {_marks((name, 'abilities'), notes)}".rstrip())
     lines.append("")
     lines += [f"{count:>5}  {status}" for status, count in score.statuses.items()]
     lines += _gaps(score)

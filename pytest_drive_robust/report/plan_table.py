@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable
 from math import fsum
 from statistics import fmean
 
-from pytest_drive_robust.report.numbers import duration_text
+from pytest_drive_robust.report.numbers import counted, duration_text
 from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.base import Find
@@ -59,7 +59,7 @@ def plan_text(
 def _sentence(left: int, most: int, held_s: list[float], unknown: list[str], slots: int) -> str:
     if not most:
         return "Every verdict is in: nothing would be driven."
-    driven = f"{most} episodes would be driven"
+    driven = f"{counted(most, 'episode')} would be driven"
     if left < most:
         driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"
     driven += f", {slots} at a time"

@@ -153,9 +153,9 @@ def test_the_command_verifies_and_sets_aside(store, capsys):
 
 def test_the_command_sweeps_what_it_is_told_to(store, capsys):
     assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
-    assert "would remove 1 episodes, 0 damaged records and 0 leftovers" in capsys.readouterr().out
+    assert "would remove 1 episode, 0 damaged records and 0 leftovers" in capsys.readouterr().out
     assert run_cli(store, "gc", "--agent", "other") == 0
-    assert "removed 1 episodes" in capsys.readouterr().out
+    assert "removed 1 episode," in capsys.readouterr().out
     assert statistics(store.folder).records == 3
     assert run_cli(store, "gc", "--agent", "drivr") == 4
     assert "Did you mean 'driver'" in capsys.readouterr().err
