@@ -98,6 +98,19 @@ def file_of(target: object) -> Path:
     return file
 
 
+def file_of_code(function: FunctionType) -> Path:
+    """Return the file that a function itself was written in, whatever it wraps. Raises `UnknownSourceError`."""
+    file = Path(function.__code__.co_filename).resolve()
+    if not file.is_file():
+        raise UnknownSourceError(f"there is no file {file}")
+    return file
+
+
+def is_installed(file: Path) -> bool:
+    """Return whether a file belongs to an installed distribution, whose version tells its content."""
+    return not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
+
+
 def file_of_name(module: str) -> Path:
     """Return the file of the module of this name, without importing it. Raises `UnknownSourceError`."""
     spec = _find(module)
@@ -225,7 +238,7 @@ class _Walk:
             self._follow_links(imported, folders)
 
     def _add_top(self, top: str, origin: Path, *, is_package: bool) -> None:
-        if {"site-packages", "dist-packages"} & set(origin.parts):
+        if is_installed(origin):
             self._installed[top] = _version(top, origin)
         elif is_package:
             self._add_folder(origin.parent)
