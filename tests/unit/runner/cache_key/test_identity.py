@@ -257,6 +257,23 @@ def test_versions_count_in_a_gymnasium_world_whoever_drives(other_versions):
     assert simulator_identity(name, registry, world, options) != first
 
 
+def test_what_registers_a_gymnasium_world_counts(module):
+    import gymnasium
+
+    registry, options = default_registry(), SimulatorOptions()
+    name = "gymnasium:registering_mine:mine-v0"
+
+    def identity_at(duration: int) -> str:
+        text = "import gymnasium\ngymnasium.register(id='mine-v0', entry_point='highway_env.envs:HighwayEnv'"
+        module("registering_mine", f"{text}, kwargs={{'render_mode': None}})  # {duration}\n")
+        try:
+            return simulator_identity(name, registry, registry.simulator(name, options), options)
+        finally:
+            del gymnasium.registry["mine-v0"]
+
+    assert identity_at(40) == identity_at(40) != identity_at(50)
+
+
 def test_the_name_of_the_agent_counts(module):
     agent = module("lonely_agent", AGENT).Agent
     assert identity_with(agent, "one") != identity_with(agent, "two")
