@@ -47,7 +47,22 @@ class Seconds:
 
 
 def test_values_of_different_kinds_have_different_text():
-    values = [b"ab", "ab", "6162", Path("ab"), [1, 2], {1, 2}, {1: 2}, 1.0, "1", Metres(), Seconds(), Metres(2.0), None]
+    values = [
+        b"ab",
+        "ab",
+        "6162",
+        Path("ab"),
+        Path("c/ab"),
+        [1, 2],
+        {1, 2},
+        {1: 2},
+        1.0,
+        "1",
+        "nan",
+        float("nan"),
+        None,
+    ]
+    values += [Metres(), Seconds(), Metres(2.0)]
     assert len({canonical_text(value) for value in values}) == len(values)
 
 
@@ -63,6 +78,11 @@ import functools
 def of_attribute(gain):
     class Local:
         strength = gain
+    return Local
+
+def of_private_attribute(gain):
+    class Local:
+        _strength = gain
     return Local
 
 def of_default(gain):
@@ -89,12 +109,26 @@ def of_wrapper(gain):
         return of_attribute(gain)
     return make
 
+def of_each_of_two(gain):
+    def early():
+        return late
+    found = [early]
+    if not gain:
+        late = gain
+    return lambda: (found, gain)
+
 def of_keyword(gain):
     return lambda *, strength=gain: strength
 """
 
 
-@pytest.mark.parametrize("maker", ["of_attribute", "of_default", "of_property", "of_base", "of_wrapper", "of_keyword"])
+@pytest.mark.parametrize(
+    "maker",
+    [
+        *("of_attribute", "of_private_attribute", "of_default", "of_property", "of_base", "of_wrapper"),
+        *("of_keyword", "of_each_of_two"),
+    ],
+)
 def test_what_a_class_or_function_took_from_the_function_around_it_counts(module, maker):
     make = getattr(module("taking", TAKEN), maker)
     assert code_of(make(1.0)) == code_of(make(1.0)) != code_of(make(2.0))

@@ -143,6 +143,32 @@ def test_the_first_import_of_a_package_may_lead_through_a_link(module, tmp_path)
     assert code_at(6) == code_at(6) != code_at(0)
 
 
+def test_two_dots_lead_to_the_folder_above(module):
+    def code_at(speed: int) -> str:
+        module("space.tuning", f"SPEED = {speed}\n")
+        text = "class Agent: pass\n"
+        module("space.inner.helper", "def late():\n    from ..tuning import SPEED\n")
+        return code_of(module("tuned", f"from space.inner import helper\n{text}").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_the_name_of_a_file_in_a_package_counts_in_its_digest(module, tmp_path):
+    for name in ("__init__", "one", "two"):
+        module(f"driving_pkg.{name}", f"NAME = {name!r}\n")
+    first = code_digest(["driving_pkg"])
+    (tmp_path / "driving_pkg" / "two.py").rename(tmp_path / "driving_pkg" / "too.py")
+    assert code_digest(["driving_pkg"]) != first
+
+
+def test_the_minor_version_of_python_counts():
+    assert versions_of([]) == {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
+
+
+def test_a_module_that_is_not_there_is_absent():
+    assert versions_of(["no_such_module"])["no_such_module"] == "absent"
+
+
 def test_a_module_counts_that_has_the_name_of_one_of_the_standard_library(module):
     assert "this" in sys.stdlib_module_names
 
