@@ -121,6 +121,7 @@ def test_a_factory_object_that_names_nothing_is_refused(registry: Registry) -> N
     [
         (("other.txt", "speed.txt"), True),
         (["zero.txt", "speed.txt"], True),
+        ("./speed.txt", True),
         (("zero.txt",), False),
         (("other.txt",), False),
     ],
