@@ -13,14 +13,24 @@ import json
 import math
 import os
 import secrets
+import struct
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from enum import Enum
-from types import FunctionType, MethodType, ModuleType
+from types import FunctionType, MemberDescriptorType, MethodType, ModuleType
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, add_file, file_of, module_digest
+from pytest_drive_robust.runner.cache_key.source_files import (
+    UnknownSourceError,
+    add_file,
+    file_of,
+    file_of_code,
+    is_installed,
+    module_digest,
+    versions_of,
+)
 
 SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
 """Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
@@ -43,9 +53,31 @@ def canonical_text(value: object) -> str:
 
 
 def _plain(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:
-    """Return what JSON can write; of what has no value of its own what `otherwise` makes of it."""
+    """Return what JSON can write; of what has no value of its own, and of somebody's class, what `otherwise` makes."""
     if type(value) is str:
         return value
+    content = _plain_content(value, otherwise)
+    if otherwise is None or not _is_of_a_written_class(value):
+        return content
+    return {"content": content, "class": otherwise(type(value))}
+
+
+def _is_of_a_written_class(value: Any) -> bool:
+    """Return whether methods of somebody may do something else with these values: those of an enumeration, say."""
+    cls = type(value)
+    kinds = (Enum, Mapping, list, tuple, set, frozenset)
+    if not isinstance(value, kinds) and not hasattr(cls, "__dataclass_fields__"):
+        return False
+    return "__module__" in vars(cls) and not _is_ours_or_standard(cls)
+
+
+def _is_ours_or_standard(cls: type) -> bool:
+    """Return whether other parts of the identity tell what a class does."""
+    top = cls.__module__.partition(".")[0]
+    return top == _OWN or top in sys.stdlib_module_names
+
+
+def _plain_content(value: Any, otherwise: Callable[[Any], Any] | None) -> Any:
     inner = functools.partial(_plain, otherwise=otherwise)
     if value is None or (isinstance(value, (bool, str)) and not isinstance(value, Enum)):
         return value
@@ -120,12 +152,13 @@ def code_of(target: object, *, libraries: bool = True) -> str:
     """Return a text that is equal for equal code with equal parameters.
 
     That is the source (see `source_files`), and the arguments of a `functools.partial`, the default values and the
-    closure of a function, the state of an object that is called. Where one of them has no comparable content, the text
-    is of this session only. `libraries`: the versions of Python and of installed libraries count, too.
+    closure of a function, the state of an object that is called, and the classes of all these values. Where one of them
+    has no comparable content, the text is of this session only. `libraries`: the versions of Python and of installed
+    libraries count, too.
     """
     try:
         return canonical_text(_Description(libraries=libraries)(target))
-    except (UnknownSourceError, TypeError) as error:
+    except (UnknownSourceError, TypeError, RecursionError) as error:
         return f"session {SESSION} {type(target).__qualname__} {error}"
 
 
@@ -154,19 +187,68 @@ class _Description:
             return ["partial", self(target.func), target.args, target.keywords]
         if isinstance(target, MethodType):
             return ["method", self(target.__func__), target.__self__]
+        if isinstance(target, FunctionType) and _wraps_on_its_own(target):
+            source = module_digest(file_of_code(target), _module_of_code(target), libraries=self._libraries)
+            return ["wrapper", self(vars(target)["__wrapped__"]), source, _bindings(target)]
         target = inspect.unwrap(target) if callable(target) else target
         if isinstance(target, type):
-            return ["class", target.__qualname__, self._source(target), _made_at_run_time(target)]
+            return ["class", target.__qualname__, self._source(target), _made_at_run_time(target), *self._bases(target)]
         if isinstance(target, FunctionType):
             return ["function", target.__qualname__, self._source(target), _bindings(target)]
         if isinstance(target, ModuleType):
             return ["module", self._source(target)]
         configuration = getattr(target, "configuration", None)
-        return ["object", self(type(target)), vars(target) if configuration is None else configuration]
+        state = _state(target) if configuration is None else configuration
+        return ["object", self(type(target)), state]
 
     def _source(self, target: Any) -> str:
         module = target.__name__ if isinstance(target, ModuleType) else str(getattr(target, "__module__", ""))
         return module_digest(file_of(target), module, libraries=self._libraries)
+
+    def _bases(self, cls: type) -> Iterator[object]:
+        """Yield the bases of a class inside a function: the function may have been given them, and imports them not."""
+        for base in cls.__bases__ if "<locals>" in cls.__qualname__ else ():
+            if _is_ours_or_standard(base):
+                continue
+            if not is_installed(file_of(base)):
+                yield self(base)
+            elif self._libraries:
+                yield versions_of([base.__module__])
+
+
+def _state(target: Any) -> dict[str, Any]:
+    """Return what an object keeps in its `__dict__` and its slots.
+
+    Raises `TypeError` for what may keep more where nobody can see it, as do the tensors of torch.
+    """
+    cls, pointer_bytes = type(target), struct.calcsize("P")
+    slots = {
+        name: member
+        for base in cls.__mro__
+        for name, member in vars(base).items()
+        if isinstance(member, MemberDescriptorType)
+    }
+    places = len(slots) + (cls.__dictoffset__ > 0) + (cls.__weakrefoffset__ > 0)
+    if cls.__itemsize__ or cls.__basicsize__ > object.__basicsize__ + pointer_bytes * places:
+        raise TypeError(f"{cls.__name__} keeps what cannot be compared")
+    filled = {name: getattr(target, name) for name in slots if hasattr(target, name)}
+    return {**filled, **vars(target)}
+
+
+def _wraps_on_its_own(function: FunctionType) -> bool:
+    """Return whether a function does more than the one that it wraps, and no library made it: that has its version."""
+    if not hasattr(function, "__wrapped__"):
+        return False
+    top = _module_of_code(function).partition(".")[0]
+    inner = str(getattr(inspect.unwrap(function), "__module__", "")).partition(".")[0]
+    if top == inner:
+        return True
+    return top != _OWN and top not in sys.stdlib_module_names and not is_installed(file_of_code(function))
+
+
+def _module_of_code(function: FunctionType) -> str:
+    """Return the module that a function was written in: a wrapper is called as what it wraps."""
+    return str(function.__globals__.get("__name__", ""))
 
 
 def _bindings(function: FunctionType) -> object:
@@ -190,6 +272,10 @@ def _made_at_run_time(cls: type) -> object:
     for name, value in sorted(vars(cls).items()):
         if isinstance(value, FunctionType):
             found.append([name, _bindings(value)])
+        elif isinstance(value, property):
+            accessors = (value.fget, value.fset, value.fdel)
+            bound = [_bindings(one) if isinstance(one, FunctionType) else one for one in accessors]
+            found += [[name, bound]] if any(one not in (None, [None, None, []]) for one in bound) else []
         elif not name.startswith("__") and not inspect.isdatadescriptor(value):
             found.append([name, value])
     return found

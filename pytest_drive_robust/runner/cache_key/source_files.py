@@ -27,14 +27,17 @@ _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """What belongs to the code of a package; weights are named by the agent."""
 _BLOCK_BYTES = 1 << 20
+_STANDARD = Path(os.__file__).parent
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
 _LINE = rb"(?:\\\r?\n|[^#;\r\n])*"
 """To the end of a statement, whose line may go on after a backslash."""
+_GAP = rb"(?:[ \t\f]|\\\r?\n)"
 _IMPORT = re.compile(
     rb"(?:^(?:\xef\xbb\xbf)?|[;:])[ \t\f]*(?:"
-    rb"from[ \t]+(?P<module>\.*[\w.]*)[ \t]+import[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
-    rb"|import[ \t]+(?P<list>" + _LINE + rb"))",
+    rb"from\b" + _GAP + rb"*(?P<module>[\w.\x80-\xff]*?)" + _GAP + rb"*import\b"
+    rb"[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
+    rb"|import" + _GAP + rb"+(?P<list>" + _LINE + rb"))",
     re.MULTILINE,
 )
 _COMMENT = re.compile(rb"#[^\r\n]*")
@@ -93,6 +96,19 @@ def file_of(target: object) -> Path:
     if not file.is_file():
         raise UnknownSourceError(f"there is no file {file}")
     return file
+
+
+def file_of_code(function: FunctionType) -> Path:
+    """Return the file that a function itself was written in, whatever it wraps. Raises `UnknownSourceError`."""
+    file = Path(function.__code__.co_filename).resolve()
+    if not file.is_file():
+        raise UnknownSourceError(f"there is no file {file}")
+    return file
+
+
+def is_installed(file: Path) -> bool:
+    """Return whether a file belongs to an installed distribution, whose version tells its content."""
+    return not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
 
 
 def file_of_name(module: str) -> Path:
@@ -196,6 +212,8 @@ class _Walk:
             return
         self._files.add(path)
         content = path.read_bytes()
+        while name in self._found:  # of another folder
+            name += "'"
         self._found[name] = _content_digest(path, content)
         if path.suffix == ".py":
             for imported in _imports(content):
@@ -206,22 +224,34 @@ class _Walk:
             self._follow_relative(imported, importer)
             return
         top = imported.partition(".")[0]
-        if top == _OWN or top in sys.stdlib_module_names:
+        spec = None if top == _OWN else self._find(top)
+        if spec is None or spec.origin in ("built-in", "frozen") or _is_standard(top, spec):
             return
-        spec = self._find(top)
-        if spec is None or spec.origin in ("built-in", "frozen"):
-            return
+        folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if spec.origin is None:
-            self._follow_namespace(imported, [Path(folder) for folder in spec.submodule_search_locations or ()])
-        elif top not in self._tops:
+            self._follow_namespace(imported, folders)
+            return
+        if top not in self._tops:
             self._tops.add(top)
-            origin = Path(spec.origin).resolve()
-            if {"site-packages", "dist-packages"} & set(origin.parts):
-                self._installed[top] = _version(top, origin)
-            elif spec.submodule_search_locations:
-                self._add_folder(origin.parent)
-            else:
-                self._add_file(origin, origin.name)
+            self._add_top(top, Path(spec.origin).resolve(), is_package=bool(folders))
+        if top not in self._installed:
+            self._follow_links(imported, folders)
+
+    def _add_top(self, top: str, origin: Path, *, is_package: bool) -> None:
+        if is_installed(origin):
+            self._installed[top] = _version(top, origin)
+        elif is_package:
+            self._add_folder(origin.parent)
+        else:
+            self._add_file(origin, origin.name)
+
+    def _follow_links(self, imported: str, folders: list[Path]) -> None:
+        """Add what a package reaches through a link to a folder: the walk through its files leaves that out."""
+        for folder in folders:
+            for part in imported.split(".")[1:]:
+                folder /= part
+                if folder.is_symlink() and folder.is_dir():
+                    self._add_folder(folder.resolve())
 
     def _follow_relative(self, imported: str, importer: Path) -> None:
         """Follow it where the importer is in no package that was added whole, such as a conftest.py."""
@@ -301,11 +331,18 @@ def _find(top: str) -> importlib.machinery.ModuleSpec | None:
         return None
 
 
+def _is_standard(top: str, spec: importlib.machinery.ModuleSpec) -> bool:
+    """Return whether it is the standard library's module, and none of somebody's that has its name."""
+    if top not in sys.stdlib_module_names:
+        return False
+    return not (spec.origin or "").endswith(".py") or Path(str(spec.origin)).is_relative_to(_STANDARD)
+
+
 @functools.cache
-def _version(top: str, origin: Path) -> str:
+def _version(module: str, origin: Path) -> str:
     """Return the version of a distribution; where its name is not the module's, a digest of what tells versions."""
     try:
-        return metadata.version(top)
+        return metadata.version(module.partition(".")[0])
     except (metadata.PackageNotFoundError, ValueError):
         files = [origin.with_name(name) for name in _VERSION_FILES] if origin.name == "__init__.py" else [origin]
         return hex_of(b"".join(path.read_bytes() for path in files if path.is_file()))

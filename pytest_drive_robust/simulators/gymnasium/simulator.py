@@ -52,6 +52,7 @@ class GymnasiumSimulator:
         self.options = options or SimulatorOptions()
         self._spec = environments.find_spec(identifier)
         self.name = f"gymnasium:{identifier}"
+        self._registered_by = identifier.rpartition(":")[0]
         self._classes = environments.ClassAttributes()
         self._env: environments.Environment | None = None
         self._episode: _Episode | None = None
@@ -126,9 +127,10 @@ class GymnasiumSimulator:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The module that brings the environment."""
+        """The module that brings the environment, and the one that registers it, which says what it is made with."""
         maker = self._spec.entry_point
-        return (maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__),)
+        brings = maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__)
+        return tuple(dict.fromkeys(filter(None, (brings, self._registered_by))))
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the backend and of the libraries that compute; sensors are those of our own world."""

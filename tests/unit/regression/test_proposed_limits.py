@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.perturbations import BUILTIN
+from pytest_drive_robust.perturbations import BUILTIN, Setting
 from pytest_drive_robust.regression.fingerprint import Fingerprint
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
@@ -90,6 +90,38 @@ def test_more_routes_allow_a_limit_nearer_to_the_value() -> None:
 @pytest.mark.parametrize("kept", [0.0, 5.0])
 def test_a_setting_that_may_cost_everything_gets_no_limit(kept: float) -> None:
     assert [str(item.requirement) for item in limits(run([100.0] * 5, [kept] * 5))] == ["DS under clean >= 95"]
+
+
+@pytest.mark.parametrize(
+    ("clean", "perturbed", "expected"),
+    [
+        (
+            [97.0] * 5,
+            [67.9] * 5,
+            ["DS under clean >= 90", "RD under 200 ms latency <= 0.35"],
+        ),  # 0.3 is 0.30000000000000004
+    ],
+)
+def test_a_limit_stands_a_step_from_the_value_of_few_routes_on_the_lenient_side(
+    clean: list[float], perturbed: list[float], expected: list[str]
+) -> None:
+    assert [str(item.requirement) for item in limits(run(clean, perturbed))] == expected
+
+
+def test_what_all_routes_lose_alike_takes_no_distance_and_a_score_counts_its_margin_in_points() -> None:
+    clean = [100.0, 60.0] * 22
+    found = limits(run(clean, [0.3 * score for score in clean]))
+    assert [str(item.requirement) for item in found] == ["DS under clean >= 80", "RD under 200 ms latency <= 0.70"]
+    varied = [100.0, 10.0] * 22
+    assert limits(run(varied, [0.3 * score for score in varied]))[1].requirement.limit == 0.70
+
+
+def test_what_a_setting_is_compared_with_gets_no_limit_of_its_own() -> None:
+    setting = Setting.parse("200 ms latency (warmup_ticks=20)")
+    whole = run([97.0] * 5, [67.9] * 5, str(setting))
+    clean = whole.cells.pop(("driver", "clean"))
+    whole.cells["driver", str(setting.baseline)] = replace(clean, setting=str(setting.baseline))
+    assert [str(item.requirement) for item in limits(whole)] == [f"RD under {setting} <= 0.35"]
 
 
 def test_an_agent_that_does_not_drive_gets_none() -> None:

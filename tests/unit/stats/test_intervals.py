@@ -375,3 +375,21 @@ def test_rare_successes_seldom_leave_the_interval(routes: int, share: float) -> 
         low, high = evidence_interval([100.0] * routes, perturbed, ended=True)
         missed += not low - 1e-9 <= 1.0 - share <= high + 1e-9
     assert missed <= 0.05 * 120
+
+
+def test_a_share_stays_within_0_and_1_where_rounding_would_leave_them():
+    for count in range(1, 100):
+        assert share_interval([1.0] * count)[1] == 1.0  # 9 of 9 would be 1.0000000000000002, 13 of 13 below 1
+        assert share_interval([0.0] * count)[0] == 0.0
+
+
+def test_betting_at_the_last_look_spends_its_share_of_the_error_alone():
+    few = [100.0] * 10
+    early, ended = (mean_evidence_interval(few, low=0.0, high=100.0, ended=ended)[0] for ended in (False, True))
+    assert ended < early
+
+
+def test_the_unit_of_a_score_does_not_move_the_interval_of_rd():
+    clean, perturbed = [100.0, 80.0, 60.0] * 8, [50.0, 75.0, 20.0] * 8
+    shares = [[score / 100.0 for score in scores] for scores in (clean, perturbed)]
+    assert evidence_interval(*shares, top_score=1.0) == pytest.approx(evidence_interval(clean, perturbed))

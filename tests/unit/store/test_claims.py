@@ -23,6 +23,15 @@ def test_a_claim_is_held_by_one_and_free_after_it(tmp_path):
     assert first.claim(KEY) is not None
 
 
+def test_a_claim_that_is_given_back_twice_frees_no_other(tmp_path):
+    store = FolderStore(tmp_path)
+    first = store.claim(KEY)
+    first.release()
+    with store.claim(KEY):
+        first.release()
+        assert store.claim(KEY) is None
+
+
 def test_released_claims_leave_no_files(tmp_path):
     store = FolderStore(tmp_path)
     for number in range(20):

@@ -51,6 +51,15 @@ def test_the_index_can_be_lost_damaged_or_of_another_version(store, content):
     assert indexed_episodes(files) == before
 
 
+def test_what_a_later_version_wrote_into_the_index_is_not_read(store):
+    files = RecordFiles(store.folder)
+    before = indexed_episodes(files)
+    with contextlib.closing(sqlite3.connect(store.folder / "index.sqlite")) as database, database:
+        database.execute("UPDATE records SET agent = 'what this column means then'")
+        database.execute("PRAGMA user_version = 99")
+    assert indexed_episodes(files) == before
+
+
 def test_an_index_that_another_command_is_writing_stays_and_its_table_is_made_in_memory(store, monkeypatch):
     files, path = RecordFiles(store.folder), store.folder / "index.sqlite"
     indexed_episodes(files)

@@ -2,7 +2,9 @@ from __future__ import annotations
 
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from result_factory import make_result
@@ -12,7 +14,8 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.store import maintenance
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.index import indexed_episodes
-from pytest_drive_robust.store.maintenance import statistics, sweep, verify
+from pytest_drive_robust.store.maintenance import Damage, set_aside, statistics, sweep, verify
+from pytest_drive_robust.store.packing import StoredTrace, pack
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.store.record_files import RecordFiles
 
@@ -90,6 +93,7 @@ def test_sweeping_takes_old_records_and_those_of_an_agent_when_asked(store):
     age(files.path("aa01"), 40)
     age(files.path("bb01"), 40)
     assert sweep(store.folder, older_than_s=30 * 86_400.0, agents=["other"], dry=True).records == 1
+    assert sweep(store.folder, older_than_s=30 * 86_400.0, agents=["driver"], dry=True).records == 1
     assert sweep(store.folder, older_than_s=30 * 86_400.0, dry=True).records == 2
     assert sweep(store.folder, agents=["driver"]).records == 3
     assert [row.agent for row in indexed_episodes(files)] == ["other"]
@@ -116,6 +120,34 @@ def test_a_record_that_another_run_replaced_since_it_was_looked_at_stays(store, 
     monkeypatch.setattr(maintenance, "_set_aside", meanwhile)
     assert sweep(store.folder).records == 0
     assert FolderStore(store.folder, run="three").get("bb02").outcome is Outcome.COMPLETED
+
+
+def test_a_run_of_half_a_day_ago_may_still_read_what_no_other_reuses(store):
+    age(RecordFiles(store.folder).path("bb02"), 0.5)
+    assert sweep(store.folder).records == 0
+    age(RecordFiles(store.folder).path("bb02"), 1.1)
+    assert sweep(store.folder).records == 1
+
+
+def test_the_age_of_a_record_is_by_the_clock_that_dated_it(store, monkeypatch):
+    monkeypatch.setattr(maintenance, "time", SimpleNamespace(time=lambda: 4e9))
+    assert sweep(store.folder, older_than_s=86_400.0).records == 0
+
+
+def test_a_trace_that_is_not_the_one_that_its_header_tells_of_is_damaged(store):
+    result = make_result()
+    trace = StoredTrace(packed=pack(result.trace.rows), ticks=len(result.trace.rows), digest="another")
+    RecordFiles(store.folder).write("cc01", encode_episode(replace(result, trace=trace), {"key": "cc01"}))
+    _, (damage,) = verify(store.folder)
+    assert (damage.key, damage.problem) == ("cc01", "its trace is not the one that its header tells of")
+
+
+def test_a_record_of_a_later_version_is_not_set_aside(store):
+    path = RecordFiles(store.folder).path("aa01")
+    assert set_aside(store.folder, [Damage("aa01", path, "it has episode format 9", later_version=True)]) == 0
+    assert path.is_file()
+    assert set_aside(store.folder, [Damage("aa01", path, "it is empty")]) == 1
+    assert not path.exists()
 
 
 def test_a_clock_of_the_future_makes_nothing_old(store):

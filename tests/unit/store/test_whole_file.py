@@ -54,3 +54,11 @@ def test_a_folder_that_is_not_there_is_not_made(tmp_path):
 def _write_half(path):
     path.write_text("half")
     raise ZeroDivisionError
+
+
+def test_two_writers_of_one_file_do_not_meet(tmp_path):
+    with whole_file(tmp_path / "one.txt") as first, whole_file(tmp_path / "one.txt") as second:
+        assert first != second
+        for place in (first, second):
+            place.write_text("whole")
+    assert [path.name for path in tmp_path.iterdir()] == ["one.txt"]

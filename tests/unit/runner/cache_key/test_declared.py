@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import ClassVar
 
@@ -100,6 +101,42 @@ def test_a_function_that_names_another_file_is_not_believed(registry: Registry) 
     registry.register_agent("names_another", names_another)
     with pytest.raises(PluginError, match=r"names_another\.weights = Says\.weights"):
         make_agent(registry, "names_another")
+
+
+class NamesNothing:
+    """A factory object that leaves it to its agents."""
+
+    def __call__(self) -> Says:
+        return Says()
+
+
+def test_a_factory_object_that_names_nothing_is_refused(registry: Registry) -> None:
+    registry.register_agent("names_nothing", NamesNothing())
+    with pytest.raises(PluginError, match=r"weights = \('speed.txt',\) and configuration = \{'gain': 1\}"):
+        make_agent(registry, "names_nothing")
+
+
+@pytest.mark.parametrize(
+    ("named", "believed"),
+    [
+        (("other.txt", "speed.txt"), True),
+        (["zero.txt", "speed.txt"], True),
+        ("./speed.txt", True),
+        (("zero.txt",), False),
+        (("other.txt",), False),
+    ],
+)
+def test_a_function_may_name_more_files_than_its_agent_and_not_fewer(
+    registry: Registry, named: object, believed: bool
+) -> None:
+    def names_several() -> Says:
+        return Says()
+
+    Path("zero.txt").write_text("0.0")
+    vars(names_several).update(weights=named, configuration=Says.configuration, computed_by=Says.computed_by)
+    registry.register_agent("names_several", names_several)
+    with nullcontext() if believed else pytest.raises(PluginError, match=r"names_several\.weights = Says\.weights"):
+        make_agent(registry, "names_several")
 
 
 def test_what_is_set_in_a_constructor_belongs_in_the_class(registry: Registry) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import functools
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -13,13 +14,19 @@ from pathlib import Path
 import pytest
 
 import pytest_drive_robust
+from pytest_drive_robust import simulators
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import GpsNoise, Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key import identity, source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import SESSION, code_of, digest_of
-from pytest_drive_robust.runner.cache_key.identity import agent_identity, identity_of, simulator_identity
+from pytest_drive_robust.runner.cache_key.canonical_text import SESSION, code_of, digest_of, file_digests
+from pytest_drive_robust.runner.cache_key.identity import (
+    agent_identity,
+    identity_of,
+    route_digest,
+    simulator_identity,
+)
 from pytest_drive_robust.runner.cache_key.source_files import file_of, file_of_name
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators import embedded
@@ -69,6 +76,13 @@ def test_a_key_is_hex_and_the_same_in_every_process():
     assert len(bytes.fromhex(REQUEST.key)) == 16
 
 
+def test_the_digest_of_a_route_is_of_all_that_it_says():
+    assert route_digest(fake_route("1")) == route_digest(fake_route("1"))
+    assert (
+        len({route_digest(route) for route in (fake_route("1"), fake_route("2"), fake_route("1", length_m=61.0))}) == 3
+    )
+
+
 def test_numbers_count_by_their_value():
     one, other = (replace(fake_route("1"), weather=replace(REQUEST.route.weather, wetness=wet)) for wet in (5, 5.0))
     assert replace(REQUEST, route=one).key == replace(REQUEST, route=other).key
@@ -106,6 +120,22 @@ def test_files_that_a_perturbation_names_are_in_the_key(module, tmp_path):
     assert keys[0] == keys[2] != keys[1]
 
 
+@pytest.mark.parametrize("changed", ["size", "time", "folder"])
+def test_a_file_counts_that_changed_in_size_or_time_or_place_alone(tmp_path, monkeypatch, changed):
+    class World:
+        files = ("road.json",)
+
+    def digest_in(folder, content, changed_ns):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        monkeypatch.chdir(tmp_path / folder)
+        Path("road.json").write_text(content)
+        os.utime("road.json", ns=(changed_ns, changed_ns))
+        return file_digests(World)
+
+    others = {"size": ("one", "10", 10**18), "time": ("one", "2", 2 * 10**18), "folder": ("other", "2", 10**18)}
+    assert digest_in("one", "1", 10**18) != digest_in(*others[changed])
+
+
 def test_files_that_a_world_names_are_in_the_key(tmp_path):
     registry = Registry()
     registry.register_simulator("fake", FakeSimulator)
@@ -141,8 +171,11 @@ def test_a_settings_file_in_the_package_counts_and_what_runs_leave_does_not(modu
         (tmp_path / "driving_pkg" / name).parent.mkdir(exist_ok=True)
         (tmp_path / "driving_pkg" / name).write_text("x")
     assert identity_with(module("driving_pkg.agent", AGENT).Agent) == first
-    (tmp_path / "driving_pkg" / "gains.yaml").write_text("kp: 1")
-    assert identity_with(module("driving_pkg.agent", AGENT).Agent) != first
+    found = [first]
+    for name in ("gains.yaml", "gains.json", "gains.toml", "gains.ini", "kernel.so", "kernel.pyx"):
+        (tmp_path / "driving_pkg" / name).write_text("kp: 1")
+        found.append(identity_with(module("driving_pkg.agent", AGENT).Agent))
+    assert len(set(found)) == len(found)
 
 
 @pytest.mark.parametrize(
@@ -257,6 +290,23 @@ def test_versions_count_in_a_gymnasium_world_whoever_drives(other_versions):
     assert simulator_identity(name, registry, world, options) != first
 
 
+def test_what_registers_a_gymnasium_world_counts(module):
+    import gymnasium
+
+    registry, options = default_registry(), SimulatorOptions()
+    name = "gymnasium:registering_mine:mine-v0"
+
+    def identity_at(duration: int) -> str:
+        text = "import gymnasium\ngymnasium.register(id='mine-v0', entry_point='highway_env.envs:HighwayEnv'"
+        module("registering_mine", f"{text}, kwargs={{'render_mode': None}})  # {duration}\n")
+        try:
+            return simulator_identity(name, registry, registry.simulator(name, options), options)
+        finally:
+            del gymnasium.registry["mine-v0"]
+
+    assert identity_at(40) == identity_at(40) != identity_at(50)
+
+
 def test_the_name_of_the_agent_counts(module):
     agent = module("lonely_agent", AGENT).Agent
     assert identity_with(agent, "one") != identity_with(agent, "two")
@@ -274,6 +324,17 @@ def test_weights_count_by_their_content(module, tmp_path):
     weights.unlink()
     with pytest.raises(UsageError, match="names the weights"):
         identity_with(agent)
+
+
+def test_all_of_a_large_weight_file_counts(module, tmp_path, monkeypatch):
+    monkeypatch.setattr(source_files, "_BLOCK_BYTES", 4)
+    agent = module("lonely_agent", AGENT).Agent
+    agent.weights = tmp_path / "weights.pt"
+    identities = []
+    for content in (b"1234567890", b"1234567891", b"1234567890"):
+        agent.weights.write_bytes(content)
+        identities.append(identity_with(agent))
+    assert identities[0] == identities[2] != identities[1]
 
 
 def test_the_configuration_of_an_agent_counts(module):
@@ -326,7 +387,9 @@ def test_an_agent_beside_tests_counts_whatever_its_name(module, name):
     assert first != second
 
 
-@pytest.mark.parametrize(("name", "counts"), [("test_suite_of_mine", False), ("agents_of_mine", True)])
+@pytest.mark.parametrize(
+    ("name", "counts"), [("test_suite_of_mine", False), ("suite_of_mine_test", False), ("agents_of_mine", True)]
+)
 def test_renaming_a_test_beside_an_agent_drives_nothing_again(module, name, counts):
     first = identity_with(module(name, AGENT + "def test_one(): pass\n").Agent)
     second = identity_with(module(name, AGENT + "def test_two(): pass\n" + TESTS).Agent)
@@ -347,18 +410,63 @@ def test_options_versions_and_code_of_a_simulator_count(module):
 
     first = digest()
     assert digest(tick_cap=4000) == first
-    other_version, other_library, other_tick = FakeSimulator(), FakeSimulator(), FakeSimulator()
+    other_version, other_library, other_tick, other_name = (FakeSimulator() for _ in range(4))
     other_version.version = "99"
+    other_name.name = "another"
     other_library.versions = lambda: {"physics": "2"}
     other_tick.dt_s = 0.1
     world = FakeSimulator()
     module("environment_of_mine", "LIMIT = 1\n")
     world.sources = ("environment_of_mine",)
     digests = [first, digest(tick_cap=10), digest(stuck_stop_s=3.0), digest(world)]
-    digests += [digest(one) for one in (other_version, other_library, other_tick)]
+    digests += [digest(one) for one in (other_version, other_library, other_tick, other_name)]
     module("environment_of_mine", "LIMIT = 2\n")
     digests.append(digest(world))
     assert len(set(digests)) == len(digests)
+
+
+def test_what_else_decides_an_episode_in_a_world_counts(monkeypatch):
+    monkeypatch.setattr(identity, "code_of", lambda factory: "the same")
+    registry = Registry()
+    for name in ("fake", "other"):
+        registry.register_simulator(name, FakeSimulator)
+
+    def digest(name="fake"):
+        return simulator_identity(name, registry, FakeSimulator(), SimulatorOptions())
+
+    digests = [digest(), digest("other")]
+    with monkeypatch.context() as patched:
+        patched.setattr(identity, "FORMAT_VERSION", 99)  # a record of before would be read as one of now
+        digests.append(digest())
+    with monkeypatch.context() as patched:
+        patched.setattr(source_files, "_python", lambda: {"python": "4.0"})
+        digests.append(digest())
+    assert len(set(digests)) == len(digests)
+
+
+def test_the_code_of_lockstep_is_in_the_keys_of_what_it_drives(module, monkeypatch):
+    monkeypatch.setattr(identity, "simulator_identity", lambda *_: "a world")
+    monkeypatch.setattr(identity, "_LOCKSTEP", "batch_of_mine")
+    registry = Registry()
+    registry.register_agent("mine", module("lonely_agent", AGENT).Agent)
+    given_ = {"simulator": "fake", "world": FakeSimulator(), "options": SimulatorOptions()}
+
+    def identities(limit):
+        module("batch_of_mine", f"LIMIT = {limit}\n")
+        module("lonely_agent", AGENT)
+        return [identity_of("mine", registry, mode=mode, **given_) for mode in ("single", "lockstep")]
+
+    (single, lockstep), (same, other) = identities(5), identities(6)
+    assert single == same
+    assert lockstep != other
+
+
+def test_the_code_of_all_worlds_is_in_the_keys_of_those_that_are_not_the_default(monkeypatch):
+    registry, options, asked = default_registry(), SimulatorOptions(), []
+    monkeypatch.setattr(source_files, "code_digest", lambda modules: asked.append(tuple(modules)) or "")
+    for name in ("embedded", "gymnasium:highway-v0"):
+        simulator_identity(name, registry, registry.simulator(name, options), options)
+    assert [modules[-1] for modules in asked] == [embedded, simulators]
 
 
 def test_lockstep_is_another_identity():

@@ -7,7 +7,7 @@ from types import ModuleType
 import pytest
 
 from pytest_drive_robust.runner.cache_key.canonical_text import code_of
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, code_digest, file_of
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, code_digest, file_of, versions_of
 
 
 def test_code_that_cannot_be_found_has_no_digest(tmp_path):
@@ -68,11 +68,116 @@ def test_methods_that_were_made_elsewhere_do_not_tell_where_a_class_is(module):
         "\ufeffimport tuning",
         "\x0cimport tuning",
         "import math, \\\n  tuning",
+        "import \\\n  tuning",
+        "from tuning \\\n  import SPEED",
+        "from \\\n  tuning import SPEED",
+        "def late(): from .import tuning",
+        "def late(): from.tuning import SPEED",
     ],
 )
 def test_an_import_counts_wherever_it_stands_in_its_line(module, line):
-    module("tuning", "SPEED = 6\n")
-    made = module("tuned", f"{line}\nclass Agent: pass\n")
-    before = code_of(made.Agent)
-    module("tuning", "SPEED = 0\n")
-    assert code_of(made.Agent) != before
+    def code_at(speed: int) -> str:
+        module("tuning", f"SPEED = {speed}\n")
+        return code_of(module("tuned", f"{line}\nclass Agent: pass\n").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_an_import_counts_whose_name_is_not_ascii(module):
+    def code_at(speed: int) -> str:
+        module("größen", f"SPEED = {speed}\n")
+        return code_of(module("tuned", "from größen import SPEED\nclass Agent: pass\n").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        ("near.tuning", "far.tuning"),
+        ("near.tuning.__init__", "far.tuning.__init__"),
+        ("tuned.near.__init__", "tuned.near.tuning", "tuned.far.__init__", "tuned.far.tuning"),
+    ],
+    ids=["modules", "packages", "relative"],
+)
+def test_files_of_one_name_in_several_folders_all_count(module, files):
+    relative = files[0].startswith("tuned")
+    places = [file for file in files if "tuning" in file]
+
+    def code_at(*speeds: int) -> str:
+        for file in files:
+            module(file, "def late():\n    from .tuning import SPEED\n" if relative and file not in places else "")
+        for place, speed in zip(places, speeds, strict=True):
+            module(place, f"SPEED = {speed}\n")
+        text = "from near import tuning\nfrom far import tuning as other\nclass Agent: pass\n"
+        return code_of(
+            module("tuned.__init__" if relative else "tuned", "class Agent: pass\n" if relative else text).Agent
+        )
+
+    assert code_at(1, 1) == code_at(1, 1)
+    assert len({code_at(1, 1), code_at(2, 1), code_at(1, 2), code_at(2, 2)}) == 4
+
+
+def test_what_a_package_reaches_through_a_link_counts(module, tmp_path):
+    (tmp_path / "shared").mkdir()
+    module("driving_pkg.__init__", "")
+    (tmp_path / "driving_pkg" / "nets").symlink_to(tmp_path / "shared")
+
+    def code_at(speed: int) -> str:
+        (tmp_path / "shared" / "tuning.py").write_text(f"SPEED = {speed}\n")
+        text = "from driving_pkg.nets.tuning import SPEED\nclass Agent: pass\n"
+        return code_of(module("driving_pkg.agent", text).Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_the_first_import_of_a_package_may_lead_through_a_link(module, tmp_path):
+    (tmp_path / "shared").mkdir()
+    module("driving_pkg.__init__", "")
+    (tmp_path / "driving_pkg" / "nets").symlink_to(tmp_path / "shared")
+
+    def code_at(speed: int) -> str:
+        (tmp_path / "shared" / "tuning.py").write_text(f"SPEED = {speed}\n")
+        return code_of(module("tuned", "import driving_pkg.nets.tuning\nclass Agent: pass\n").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_two_dots_lead_to_the_folder_above(module):
+    def code_at(speed: int) -> str:
+        module("space.tuning", f"SPEED = {speed}\n")
+        text = "class Agent: pass\n"
+        module("space.inner.helper", "def late():\n    from ..tuning import SPEED\n")
+        return code_of(module("tuned", f"from space.inner import helper\n{text}").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_the_name_of_a_file_in_a_package_counts_in_its_digest(module, tmp_path):
+    for name in ("__init__", "one", "two"):
+        module(f"driving_pkg.{name}", f"NAME = {name!r}\n")
+    first = code_digest(["driving_pkg"])
+    (tmp_path / "driving_pkg" / "two.py").rename(tmp_path / "driving_pkg" / "too.py")
+    assert code_digest(["driving_pkg"]) != first
+
+
+def test_the_minor_version_of_python_counts():
+    assert versions_of([]) == {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
+
+
+def test_a_module_that_is_not_there_is_absent():
+    assert versions_of(["no_such_module"])["no_such_module"] == "absent"
+
+
+def test_a_module_counts_that_has_the_name_of_one_of_the_standard_library(module):
+    assert "this" in sys.stdlib_module_names
+
+    def code_at(speed: int) -> str:
+        module("this", f"SPEED = {speed}\n")
+        return code_of(module("tuned", "from this import SPEED\nclass Agent: pass\n").Agent)
+
+    assert code_at(6) == code_at(6) != code_at(0)
+
+
+def test_a_part_of_a_library_has_the_version_of_the_whole():
+    assert versions_of(["numpy.linalg"])["numpy.linalg"] == versions_of(["numpy"])["numpy"]
