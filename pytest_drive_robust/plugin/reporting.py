@@ -61,10 +61,10 @@ class ReportingPlugin:
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
         self, report: pytest.TestReport
-    ) -> tuple[str, str, tuple[str, dict[str, bool]]] | None:
+    ) -> tuple[str, str, str | tuple[str, dict[str, bool]]] | None:
         """Count what could not be judged as an error of the test; an open verdict is neither dot nor F."""
         if report.failed and getattr(report, NOT_JUDGED, False):  # a plugin that runs it again calls it otherwise
-            return "error", "E", ("ERROR", {"red": True})
+            return "error", "E", "ERROR"
         if report.when == "call" and report.passed and is_open(report):
             return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
         return None

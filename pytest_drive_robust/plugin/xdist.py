@@ -72,16 +72,10 @@ class SharedRunRecord:
         self._lock = threading.Lock()
 
     def events(self) -> list[Event]:
-        """Return everything so far, in order within each worker."""
-        self.fresh()
-        return self._events
-
-    def fresh(self) -> list[Event]:
-        """Return what was written since the last call. The display's thread asks too, hence the lock."""
+        """Return everything so far, in order within each worker. The display's thread asks too, hence the lock."""
         with self._lock:
-            events = self._reader.read()
-            self._events += events
-        return events
+            self._events += self._reader.read()
+        return self._events
 
 
 class ControllerPlugin:
@@ -96,7 +90,9 @@ class ControllerPlugin:
         self._progress = progress
         self._stop = threading.Event()
         self._writing = threading.RLock()
-        self._advised: set[str] = set()
+        self._seen = 0
+        self._advice: dict[str, None] = {}
+        self._shown = 0
         self._thread = threading.Thread(target=self._follow, name="drive-robust progress", daemon=True)
 
     def pytest_configure_node(self, node: Any) -> None:
@@ -108,12 +104,9 @@ class ControllerPlugin:
         """Show what a worker advised, once: it knows its tests and has not begun (a hook of pytest-xdist)."""
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         with self._writing:
-            news = self._record.fresh()
-            for event in news:
-                self._progress.see(event)
-            advised = (text for event in news if isinstance(event, Advised) for text in event.sentences)
-            fresh = [text for text in dict.fromkeys(advised) if text not in self._advised]
-            self._advised.update(fresh)
+            self._see_news()
+            fresh = list(self._advice)[self._shown :]
+            self._shown = len(self._advice)
             if fresh and reporter is not None:
                 self._progress.pause()
                 reporter.ensure_newline()
@@ -146,6 +139,14 @@ class ControllerPlugin:
     def _follow(self) -> None:
         while not self._stop.wait(_POLL_S):
             with self._writing:
-                for event in self._record.fresh():
-                    self._progress.see(event)
+                self._see_news()
                 self._progress.refresh()
+
+    def _see_news(self) -> None:
+        """Follow what the workers wrote. Their advice is kept: the thread, which shows none, may be the first here."""
+        news = self._record.events()[self._seen :]
+        self._seen += len(news)
+        for event in news:
+            self._progress.see(event)
+            if isinstance(event, Advised):
+                self._advice.update(dict.fromkeys(event.sentences))

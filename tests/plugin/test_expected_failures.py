@@ -41,8 +41,11 @@ def test_a_simulator_that_breaks_is_an_error_where_a_failure_is_expected(suite, 
     result = run(suite, RED, "--drive-sim", "broken", *workers)
     assert result.ret == 1
     result.assert_outcomes(errors=2)
-    for name in ("test_marked", "TestOld::test_decorated"):
-        result.stdout.fnmatch_lines(f"ERROR *{name} - ERROR: not judged: DS under throttle 0.3*")
+    result.stdout.fnmatch_lines("ERROR *test_marked - ERROR: not judged: DS under throttle 0.3*")
+    told = (
+        " - ERROR: not judged: DS under throttle 0.3" if pytest.version_tuple >= (8, 2) else ""
+    )  # older ones leave it out
+    result.stdout.fnmatch_lines(f"ERROR *TestOld::test_decorated{told}*")
     result.stdout.fnmatch_lines("*the simulation raised RuntimeError: no map*")
 
 
