@@ -285,6 +285,8 @@ class RunningEpisode:
             if self.stack is not None:
                 schedule = _checked_schedule(self.stack.schedule())
             versions = {str(name): str(version) for name, version in self.simulator.versions().items()}
+        except SimulationError as error:
+            self.crash, score = error, None
         except Exception as error:
             self.crash, score = SimulationError(blame("the end of the simulation", error)), None
         end, detail = self._end(score)

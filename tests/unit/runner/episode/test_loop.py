@@ -631,7 +631,7 @@ def test_an_ego_whose_motion_is_no_number_is_not_scored(name: str) -> None:
 
     result = drive(ScriptedAgent([FULL]), simulator=Lost())
     assert (result.outcome, result.route_completion_pct) == (Outcome.INFRA_ERROR, 0.0)
-    assert f"the world's {name} is nan after 31 ticks, expected a finite number" in result.end_detail
+    assert result.end_detail == f"the world's {name} is nan after 31 ticks, expected a finite number"
 
 
 def test_what_was_injected_is_checked_before_it_is_stored() -> None:
