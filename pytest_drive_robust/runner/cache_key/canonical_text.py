@@ -98,8 +98,8 @@ def _plain_content(value: Any, otherwise: Callable[[Any], Any] | None) -> Any:
     if isinstance(value, os.PathLike):
         return {"path": inner(os.fspath(value))}
     fields = getattr(type(value), "__dataclass_fields__", None)
-    if fields is not None:
-        return {type(value).__name__: [[name, inner(getattr(value, name))] for name in fields]}
+    if fields is not None:  # an `InitVar` is kept nowhere
+        return {type(value).__name__: [[name, inner(getattr(value, name))] for name in fields if hasattr(value, name)]}
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a scalar of numpy
         return inner(value.item())
     if otherwise is not None:

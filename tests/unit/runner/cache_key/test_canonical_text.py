@@ -4,7 +4,7 @@ import functools
 import inspect
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from pathlib import Path
 
 import pytest
@@ -44,6 +44,19 @@ class Metres:
 @dataclass
 class Seconds:
     value: float = 1.0
+
+
+@dataclass
+class Kilometres:
+    given_m: InitVar[float]
+    value: float = 0.0
+
+    def __post_init__(self, given_m):
+        self.value = given_m / 1000
+
+
+def test_what_a_dataclass_is_only_made_from_counts_by_what_it_became():
+    assert canonical_text(Kilometres(500.0)) == '{"Kilometres":[["value",0.5]]}'
 
 
 def test_values_of_different_kinds_have_different_text():
