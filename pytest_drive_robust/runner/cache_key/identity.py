@@ -140,14 +140,12 @@ def weights_digest(files: object, *, agent: str) -> str:
             "is made. Name what else it is otherwise."
         )
     paths = [Path(file) for file in named or ()]
-    digests = []
+    digest = hashlib.blake2b(digest_size=6)
     try:
         for path in paths:
-            digest = hashlib.blake2b(digest_size=6)
             source_files.add_file(digest, path)
-            digests.append(digest.hexdigest())
     except OSError as error:
         raise UsageError(
             f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."
         ) from None
-    return source_files.hex_of("".join(digests).encode()) if len(digests) > 1 else "".join(digests)
+    return digest.hexdigest() if paths else ""

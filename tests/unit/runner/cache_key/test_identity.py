@@ -326,17 +326,6 @@ def test_weights_count_by_their_content(module, tmp_path):
         identity_with(agent)
 
 
-def test_where_one_weight_file_ends_and_the_next_begins_counts(module, tmp_path):
-    agent = module("lonely_agent", AGENT).Agent
-    agent.weights = tmp_path / "encoder.pt", tmp_path / "head.pt"
-    identities = []
-    for contents in ((b"ab", b"c"), (b"a", b"bc")):
-        for path, content in zip(agent.weights, contents, strict=True):
-            path.write_bytes(content)
-        identities.append(identity_with(agent))
-    assert identities[0] != identities[1]
-
-
 def test_all_of_a_large_weight_file_counts(module, tmp_path, monkeypatch):
     monkeypatch.setattr(source_files, "_BLOCK_BYTES", 4)
     agent = module("lonely_agent", AGENT).Agent
