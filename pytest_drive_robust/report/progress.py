@@ -134,9 +134,12 @@ class ProgressState:
         return self._left
 
     def now(self) -> str:
-        """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`."""
+        """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`.
+
+        Where nothing is, another run with the same store drives what is left.
+        """
         if not self._running:
-            return ""
+            return "waiting for another run"
         last = list(self._running.values())[-1]
         others = f" (and {len(self._running) - 1} more)" if len(self._running) > 1 else ""
         return f"{last.agent}, {last.setting}, {last.route}{others}"
@@ -181,7 +184,7 @@ class PlainProgress(Progress):
                 self._compiling_s = self._clock()
                 self._write(self._state.compiling())
         elif self._clock() - self._written_s >= _HEARTBEAT_S and self._state.active:
-            self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
+            self._write(f"{self._state.counts()}, now {self._state.now()}")
 
     def _write(self, text: str) -> None:
         self._written_s = self._clock()

@@ -57,6 +57,8 @@ def test_it_says_what_is_under_way():
     assert state.now() == "driver, clean, b Straight (and 1 more)"
     state.see(Finished("b", 1.0))
     assert state.now() == "driver, clean, a Straight"
+    state.see(Finished("a", 1.0))
+    assert state.now() == "waiting for another run"
 
 
 def test_a_setting_is_complete_when_its_last_episode_is():
