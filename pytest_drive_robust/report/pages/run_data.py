@@ -45,13 +45,7 @@ def run_data(
         "notes": [*document.get("notes", ()), *_missing(records)],
         "searches": [item.get("sentence", "") for item in document.get("searches", ())],
         "metrics": {
-            metric.name: {
-                "unit": metric.unit,
-                "higher": metric.higher_is_better,
-                "decimals": metric.decimals,
-                "meaning": metric.meaning,
-            }
-            for metric in METRICS.values()
+            metric.name: {"decimals": metric.decimals, "meaning": metric.meaning} for metric in METRICS.values()
         },
         "rows": _rows(document["summaries"]),
         "requirements": [requirement_data(records, table, item) for item in document.get("requirements", ())],
@@ -78,14 +72,11 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
         "setting": row["setting"],
         "numbers": numbers,
         "intervals": {"DS": row.get("ds_interval"), "RD": _finite(row.get("rd_interval"))},
-        "abilities": summary.get("abilities", {}),
         "routes": row["routes"],
         "planned": row.get("routes_planned", row["routes"]),
         "needed": row["episodes_needed"],
         "finished": row["episodes_finished"],
-        "errors": summary.get("agent_errors", 0),
         "verdict": row["verdict"],
-        "problem": row.get("problem") or "",
     }
 
 
