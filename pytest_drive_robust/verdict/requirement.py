@@ -253,7 +253,7 @@ def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
     """Return the limit as a float that the metric can reach and can miss."""
     try:
         number = float(limit)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise RequirementError(f"the limit of {metric.name} is {limit!r}, expected a number.") from None
     # RD has no lower end, but a perturbed score of twice the clean one is a mistake in the sentence, not a wish.
     low, high = (-1.0, 1.0) if metric.needs_clean else (metric.low, metric.high)
