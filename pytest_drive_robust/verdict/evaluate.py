@@ -139,7 +139,8 @@ def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) ->
 
     def value(result: EpisodeResult) -> float | None:
         try:
-            return metric.measure([result], mode=mode)
+            found = metric.measure([result], mode=mode)
+            return found if found is not None and math.isfinite(found) else None
         except Exception:  # a user's function may be made for several episodes only, and this is for information
             return None
 

@@ -74,6 +74,7 @@ def test_an_undecided_severity_sends_the_search_to_the_side_of_its_value() -> No
             "holds at 140 ms, breaks at 180 ms, undecided at 160 ms",
         ),
         ([(20, "breaks")], "breaks already at 20 ms"),
+        ([(20, "undecided"), (40, "breaks")], "breaks at 40 ms, undecided at 20 ms"),
         ([(1000, "holds")], "holds at 1000 ms, the most severe one tried"),
         ([(100, "holds"), (60, "breaks"), (40, "holds")], "holds at 40 ms, breaks at 60 ms"),
         ([(20, "undecided")], "undecided at 20 ms"),
