@@ -206,6 +206,14 @@ def test_a_score_that_cannot_be_is_refused(kind: str, wrong: float) -> None:
 
 
 @pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+@pytest.mark.parametrize("wrong", [-0.01, 1.01])
+def test_a_share_just_outside_its_range_is_refused(kind: str, wrong: float) -> None:
+    forms = mean_forms(0.5, ">=", margin=0.1, low=0.0, high=1.0)
+    with pytest.raises(ComparisonError, match="outside"):
+        judge_by(kind, forms, planned=5).read(wrong)
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
 def test_nothing_read_is_an_error(kind: str) -> None:
     with pytest.raises(ComparisonError, match="no pair"):
         judge_by(kind, RULE, planned=5).close()  # type: ignore[arg-type]
