@@ -97,7 +97,7 @@ def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidenc
     # Thresholds 1 - ratio - shift where certainty * shift^2 + 2 * shared * shift - spread <= 0; the roots enclose 0.
     half = math.sqrt(shared * shared + certainty * spread)
     smallest, largest = (-shared - half) / certainty, (-shared + half) / certainty
-    return min(rd, rd - largest), min(_LARGEST_RD, max(rd, rd - smallest))
+    return rd - largest, min(_LARGEST_RD, rd - smallest)
 
 
 def jackknife_interval(
