@@ -9,12 +9,13 @@ from itertools import pairwise
 from typing import Literal
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.perturbations.ladder import Ladder
+from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
-from pytest_drive_robust.verdict.requirement import Requirement, known_metric
+from pytest_drive_robust.verdict.requirement import ANY_TICK_S, Requirement, known_metric
 
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
@@ -130,14 +131,19 @@ class Bracket:
     __hash__ = object.__hash__
 
     def _reach(self) -> float:
-        return float("-inf") if self.holds is None else self.ladder.severity(self.holds)
+        return float("-inf") if self.holds is None else self._steps.severity(self.holds)
 
     def _severity_of(self, other: object) -> float | None:
         if isinstance(other, Bracket):
             return other._reach()
         if isinstance(other, Perturbation):
             other = self.ladder.level_of(other)
-        return self.ladder.severity(other) if isinstance(other, (int, float)) else None
+        return self._steps.severity(other) if isinstance(other, (int, float)) else None
+
+    @property
+    def _steps(self) -> Ladder:
+        """What says which way severity grows: the ladder, or the failure's own where one level alone was tried."""
+        return _own_steps(self.ladder) if len(self.ladder.levels) == 1 else self.ladder
 
     def _mild_first(self) -> list[SeverityProbe]:
         return sorted(self.probes, key=lambda probe: self.ladder.severity(probe.level))
@@ -153,9 +159,11 @@ def largest(
     routes is compared with the limit. The severities that are tried depend on the answers alone, not on what else the
     run has driven; episodes that it has are not driven again.
 
-    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `RequirementError` for a metric or a
-    limit that no requirement can have, and `ComparisonError` where a severity cannot be judged.
+    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `PerturbationError` for levels that
+    begin with the most severe, `RequirementError` for a metric or a limit that no requirement can have, and
+    `ComparisonError` where a severity cannot be judged.
     """
+    _require_mild_first(ladder)
     known = known_metric(metric) if isinstance(metric, str) else metric
     compares = comparison or (">=" if known.higher_is_better else "<=")
     rule: SearchRule = "evidence" if routes >= FEWEST_FOR_T and known.function is None else "point"
@@ -170,6 +178,21 @@ def largest(
     probes = bisect(ladder, ask)
     warnings = contradictions(ladder, known, probes)
     return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
+
+
+def _own_steps(ladder: Ladder) -> Ladder:
+    """Return the ladder that the failure declares itself, whatever levels were given."""
+    return ladder_of(ladder.template, dt_s=(ladder.tick_ms or 1000.0 * ANY_TICK_S) / 1000.0)
+
+
+def _require_mild_first(ladder: Ladder) -> None:
+    own, first, last = _own_steps(ladder), ladder.levels[0], ladder.levels[-1]
+    if len(own.levels) > 1 and own.severity(first) > own.severity(last):
+        label = ladder.label
+        raise PerturbationError(
+            f"the levels of {ladder.name} lead from {label(first)} to {label(last)}, expected from mild to severe, as "
+            f"its own do from {label(own.levels[0])} to {label(own.levels[-1])}. Turn them round."
+        )
 
 
 def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[SeverityProbe, ...]:
