@@ -12,10 +12,10 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
+from pytest_drive_robust.perturbations.ladder import Ladder
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
-from pytest_drive_robust.verdict.requirement import ANY_TICK_S, Requirement, known_metric
+from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
@@ -131,19 +131,19 @@ class Bracket:
     __hash__ = object.__hash__
 
     def _reach(self) -> float:
-        return float("-inf") if self.holds is None else self._steps.severity(self.holds)
+        return float("-inf") if self.holds is None else self._severity(self.holds)
 
     def _severity_of(self, other: object) -> float | None:
         if isinstance(other, Bracket):
             return other._reach()
         if isinstance(other, Perturbation):
             other = self.ladder.level_of(other)
-        return self._steps.severity(other) if isinstance(other, (int, float)) else None
+        return self._severity(other) if isinstance(other, (int, float)) else None
 
-    @property
-    def _steps(self) -> Ladder:
-        """What says which way severity grows: the ladder, or the failure's own where one level alone was tried."""
-        return _own_steps(self.ladder) if len(self.ladder.levels) == 1 else self.ladder
+    def _severity(self, level: float) -> float:
+        """Return a number that grows with severity: one level alone says nothing, so the failure's own steps do."""
+        falls = len(self.ladder.levels) == 1 and _way(self.ladder) < 0
+        return -self.ladder.severity(level) if falls else self.ladder.severity(level)
 
     def _mild_first(self) -> list[SeverityProbe]:
         return sorted(self.probes, key=lambda probe: self.ladder.severity(probe.level))
@@ -180,18 +180,19 @@ def largest(
     return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
 
 
-def _own_steps(ladder: Ladder) -> Ladder:
-    """Return the ladder that the failure declares itself, whatever levels were given."""
-    return ladder_of(ladder.template, dt_s=(ladder.tick_ms or 1000.0 * ANY_TICK_S) / 1000.0)
+def _way(ladder: Ladder) -> int:
+    """Return 1 where the steps that the failure declares itself rise, -1 where they fall, 0 where it has one alone."""
+    declared = type(ladder.template).ladder
+    steps = (0.0, 1.0) if declared is None or declared[1] == "ticks" else tuple(declared[1])
+    return (steps[-1] > steps[0]) - (steps[-1] < steps[0])
 
 
 def _require_mild_first(ladder: Ladder) -> None:
-    own, first, last = _own_steps(ladder), ladder.levels[0], ladder.levels[-1]
-    if len(own.levels) > 1 and own.severity(first) > own.severity(last):
-        label = ladder.label
+    first, last = ladder.levels[0], ladder.levels[-1]
+    if _way(ladder) * (last - first) < 0.0:
         raise PerturbationError(
-            f"the levels of {ladder.name} lead from {label(first)} to {label(last)}, expected from mild to severe, as "
-            f"its own do from {label(own.levels[0])} to {label(own.levels[-1])}. Turn them round."
+            f"the levels of {ladder.name} lead from {ladder.label(first)} to {ladder.label(last)}, expected from mild "
+            f"to severe: {'up' if _way(ladder) > 0 else 'down'}, as its own steps do. Turn them round."
         )
 
 

@@ -250,6 +250,19 @@ def test_classes_of_users_have_a_sentence_form_as_well(stack: list[Perturbation]
     assert str(again) == str(setting)
 
 
+def test_what_a_sentence_does_not_say_is_this() -> None:
+    plain = (BurstFrameDrop(), PartialObservation(), GpsNoise(), SpeedNoise(), InferenceLatency(ms=0), SensorDelay())
+    assert [tuple(item.parameters().values()) for item in (*plain, FrameBlend())] == [
+        (1.0, 0.01, "fixed"),
+        (0.5, False, "black"),
+        (5.0,),
+        (0.5, 0.2, False),
+        (0.0, "fifo", 0, ()),
+        (100.0, None),
+        (3, "uniform"),
+    ]
+
+
 @pytest.mark.parametrize("colour", ["none", "True", "NaN", "inf", "Infinity", "infinity", "12", "-0", "1e3", "1_0"])
 def test_a_word_that_looks_like_something_else_stays_a_word(colour: str) -> None:
     assert Setting.parse(str(Setting.of(LensTint(colour))), THIRD_PARTY) == Setting.of(LensTint(colour))

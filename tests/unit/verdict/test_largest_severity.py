@@ -228,9 +228,9 @@ def test_the_comparison_follows_the_metric() -> None:
 
 def test_levels_that_begin_with_the_most_severe_are_refused_before_anything_is_driven() -> None:
     campaign = Scores()
-    for failure, levels in ((InferenceLatency, (300.0, 100.0)), (SpeedNoise, (0.2, 0.5))):
+    for failure, levels, way in ((InferenceLatency, (300.0, 100.0), "up"), (SpeedNoise, (0.2, 0.5), "down")):
         ladder = ladder_of(failure, dt_s=0.02, levels=levels)
-        with pytest.raises(PerturbationError, match=r"lead from .* expected from mild to severe, as its own do from"):
+        with pytest.raises(PerturbationError, match=rf"lead from .* expected from mild to severe: {way}, as its own"):
             largest(ladder, campaign.decide, routes=8, metric="RD", limit=0.30)  # type: ignore[arg-type]
     assert campaign.levels == []
 
