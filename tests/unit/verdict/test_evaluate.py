@@ -399,11 +399,13 @@ def test_judging_refuses_such_a_setting() -> None:
 
 def test_an_agent_that_uses_none_of_the_changed_signals_is_called_immune() -> None:
     setting = GpsNoise(std_m=5) + SpeedNoise()
-    sentence = immunity(episodes(setting, "gps", "speed", cameras=("front",), consumes=("cameras",)))
-    assert sentence == (
+    driven = episodes(setting, "gps", "speed", cameras=("front",), consumes=("cameras",))
+    told = (
         "GPS noise 5 m and speed noise 0.5 changed gps, speed, which driver does not use: "
         "the agent has cameras front; of its sensors it declares to use cameras."
     )
+    assert immunity(driven) == told
+    assert immunity(driven[:1]) == told
 
 
 @pytest.mark.parametrize(
