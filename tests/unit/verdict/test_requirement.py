@@ -199,8 +199,27 @@ def test_rd_under_clean_is_refused_with_what_to_write_instead() -> None:
 
 
 def test_a_setting_that_is_none_is_refused() -> None:
-    with pytest.raises(RequirementError, match="'200 ms latency' is not a setting"):
-        requirement("RD", "200 ms latency")  # type: ignore[arg-type]
+    for state in (lambda given: requirement("RD", given), lambda given: Requirement("RD", given, "<=", 0.3)):
+        with pytest.raises(RequirementError, match="'200 ms latency' is not a setting"):
+            state("200 ms latency")
+
+
+def test_one_perturbation_is_a_setting() -> None:
+    assert Requirement("RD", InferenceLatency(ms=200), "<=", 0.3) == Requirement("RD", LATE, "<=", 0.3)
+
+
+@pytest.mark.parametrize("name", [None, 3])
+def test_what_is_no_name_of_a_metric_is_refused(name: object) -> None:
+    for state in (requirement, lambda given: Requirement(given, LATE, "<=", 0.3)):
+        with pytest.raises(RequirementError, match=rf"there is no metric named {name}\..* Expected one of RD"):
+            state(name)  # type: ignore[arg-type]
+
+
+def test_a_comparison_without_the_limit_itself_is_refused_with_the_one_to_write() -> None:
+    with pytest.raises(RequirementError, match=r"'DS under clean > 60': '>' cannot be used here, write '>='"):
+        requirement("DS") > 60  # noqa: B015
+    with pytest.raises(RequirementError, match=r"'<' cannot be used here, write '<='"):
+        requirement("RD", LATE) < 0.3  # noqa: B015
 
 
 def test_asserting_a_requirement_does_not_pass_for_a_verdict() -> None:
