@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
@@ -69,7 +69,7 @@ def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) 
     return tuple((result, twins[route_and_seed(result)]) for result in clean)
 
 
-def _listed(keys: Sequence[tuple[str, int]]) -> str:
+def _listed(keys: Collection[tuple[str, int]]) -> str:
     shown = ", ".join(f"(route {route}, seed {seed})" for route, seed in sorted(keys)[:_SHOWN])
     more = len(keys) - _SHOWN
     return f"{shown} and {more} more" if more > 0 else shown
@@ -80,7 +80,7 @@ def _require_same_pairs(clean: Sequence[EpisodeResult], perturbed: Sequence[Epis
     if clean_keys == perturbed_keys:
         return
     parts = [
-        f"only {name}: {_listed(sorted(keys))}"
+        f"only {name}: {_listed(keys)}"
         for name, keys in (("clean", clean_keys - perturbed_keys), ("perturbed", perturbed_keys - clean_keys))
         if keys
     ]

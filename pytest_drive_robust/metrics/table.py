@@ -73,7 +73,8 @@ class Metric:
     ) -> float | None:
         """Return the value over `results`, None without data.
 
-        Raises `ComparisonError` as its formula says, and where a user's function raises anything.
+        Raises `ComparisonError` as its formula says, and where a user's function raises anything; `UnknownNameError`
+        for a mode that is none.
         """
         require_mode(mode)
         require_scorable(results)

@@ -1,8 +1,9 @@
 """Two-sided confidence intervals whose unit of analysis is the route: average the seeds of a route first.
 
-Closed forms, so the same values give the same interval. With one route there is no spread to learn from: the interval
-is then the whole range of the quantity, `bounds`, and says so instead of looking certain. All of them read zero spread
-as certainty: 24 routes with a score of 100 give 100..100. `share_interval` does not.
+Closed forms, so the same values give the same interval; a `confidence` outside 0..1 raises `ValueError`. What rests on
+Student's t (`mean_interval`, `ratio_interval`, `jackknife_interval`) has no spread to learn from with one route: the
+interval is then the whole range of the quantity, `bounds`, and says so instead of looking certain. It reads zero spread
+as certainty: 24 routes with a score of 100 give 100..100. The others do not.
 
 An interval for a fixed number of routes is too sure when reading stopped because the verdict looked clear. Wealth is
 not: whatever the rule by which the reading stopped, wealth against the truth is 1 / alpha or more with a chance of
@@ -96,7 +97,7 @@ def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidenc
     # Thresholds 1 - ratio - shift where certainty * shift^2 + 2 * shared * shift - spread <= 0; the roots enclose 0.
     half = math.sqrt(shared * shared + certainty * spread)
     smallest, largest = (-shared - half) / certainty, (-shared + half) / certainty
-    return min(rd, rd - largest), min(_LARGEST_RD, max(rd, rd - smallest))
+    return rd - largest, min(_LARGEST_RD, rd - smallest)
 
 
 def jackknife_interval(

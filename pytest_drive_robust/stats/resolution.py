@@ -40,6 +40,8 @@ def told_apart(
     Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
     they own in so few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1
     for RD and SR, 100 for DS). The answer may lie beyond it: then no such values are ever told apart.
+
+    Raises `ValueError` for no route.
     """
     if routes < 1:
         raise ValueError(f"{routes} routes can show nothing. Expected 1 or more.")
@@ -60,6 +62,8 @@ def resolution(
 
     >>> round(resolution(50), 2)
     0.19
+
+    Raises `ValueError` for no route.
     """
     told = told_apart(routes, noise, alpha=alpha, power=power, scale=scale)
     if routes < FEWEST_FOR_T:
@@ -77,6 +81,8 @@ def routes_needed(
 
     >>> routes_needed(0.10)
     187
+
+    Raises `ValueError` for a margin of 0 or less.
     """
     if not margin > 0.0:
         raise ValueError(f"the margin is {margin!r}, expected a number above 0.")

@@ -92,7 +92,7 @@ def evaluate(
     An RD whose clean driving score is below the floor of the rule says nothing: whatever the rule, it never passes but
     is inconclusive, and a fail stays a fail. Raises `ComparisonError` when there is nothing to judge: no episode or no
     data for the metric, an `infra_error`, episodes of another agent or setting, a setting that changed nothing, sets
-    that do not pair, a clean driving score of 0.
+    that do not pair, a clean driving score of 0. Raises `UnknownNameError` for a mode that is none.
     """
     metric = requirement.metric
     _require_episodes_for(requirement, agent, clean=clean, perturbed=perturbed)
@@ -139,7 +139,8 @@ def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) ->
 
     def value(result: EpisodeResult) -> float | None:
         try:
-            return metric.measure([result], mode=mode)
+            found = metric.measure([result], mode=mode)
+            return found if found is not None and math.isfinite(found) else None
         except Exception:  # a user's function may be made for several episodes only, and this is for information
             return None
 

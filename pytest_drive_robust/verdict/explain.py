@@ -157,7 +157,7 @@ def infraction_s(item: Infraction, dt_s: float) -> float | None:
 
 
 def seconds_text(time_s: float) -> str:
-    """Return a time of an episode, as in `"11.3 s"`: the same for 7.25 and 7.249999, which a tick of 0.05 s may give.
+    """Return a time of an episode, as in `"11.3 s"`: the same for 7.25 and what rounding may leave of it, 7.2499999999.
 
     >>> seconds_text(307 * 0.05), seconds_text(15.35), seconds_text(7.25)
     ('15.4 s', '15.4 s', '7.3 s')

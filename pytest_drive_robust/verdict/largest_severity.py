@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Literal
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
+from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder
@@ -130,14 +131,19 @@ class Bracket:
     __hash__ = object.__hash__
 
     def _reach(self) -> float:
-        return float("-inf") if self.holds is None else self.ladder.severity(self.holds)
+        return float("-inf") if self.holds is None else self._severity(self.holds)
 
     def _severity_of(self, other: object) -> float | None:
         if isinstance(other, Bracket):
             return other._reach()
         if isinstance(other, Perturbation):
             other = self.ladder.level_of(other)
-        return self.ladder.severity(other) if isinstance(other, (int, float)) else None
+        return self._severity(other) if isinstance(other, (int, float)) else None
+
+    def _severity(self, level: float) -> float:
+        """Return a number that grows with severity: one level alone says nothing, so the failure's own steps do."""
+        falls = len(self.ladder.levels) == 1 and _way(self.ladder) < 0
+        return -self.ladder.severity(level) if falls else self.ladder.severity(level)
 
     def _mild_first(self) -> list[SeverityProbe]:
         return sorted(self.probes, key=lambda probe: self.ladder.severity(probe.level))
@@ -153,9 +159,11 @@ def largest(
     routes is compared with the limit. The severities that are tried depend on the answers alone, not on what else the
     run has driven; episodes that it has are not driven again.
 
-    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `RequirementError` for a metric or a
-    limit that no requirement can have, and `ComparisonError` where a severity cannot be judged.
+    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `PerturbationError` for levels that
+    begin with the most severe, `RequirementError` for a metric or a limit that no requirement can have, and
+    `ComparisonError` where a severity cannot be judged.
     """
+    _require_mild_first(ladder)
     known = known_metric(metric) if isinstance(metric, str) else metric
     compares = comparison or (">=" if known.higher_is_better else "<=")
     rule: SearchRule = "evidence" if routes >= FEWEST_FOR_T and known.function is None else "point"
@@ -170,6 +178,22 @@ def largest(
     probes = bisect(ladder, ask)
     warnings = contradictions(ladder, known, probes)
     return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
+
+
+def _way(ladder: Ladder) -> int:
+    """Return 1 where the steps that the failure declares itself rise, -1 where they fall, 0 where it has one alone."""
+    declared = type(ladder.template).ladder
+    steps = (0.0, 1.0) if declared is None or declared[1] == "ticks" else tuple(declared[1])
+    return (steps[-1] > steps[0]) - (steps[-1] < steps[0])
+
+
+def _require_mild_first(ladder: Ladder) -> None:
+    first, last = ladder.levels[0], ladder.levels[-1]
+    if _way(ladder) * (last - first) < 0.0:
+        raise PerturbationError(
+            f"the levels of {ladder.name} lead from {ladder.label(first)} to {ladder.label(last)}, expected from mild "
+            f"to severe: {'up' if _way(ladder) > 0 else 'down'}, as its own steps do. Turn them round."
+        )
 
 
 def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[SeverityProbe, ...]:

@@ -16,6 +16,7 @@ from pytest_drive_robust.verdict.requirement import metric_names
 Known = Mapping[str, type[Perturbation]]
 
 _LIMITS = {"RD": "0.30", "SR": "0.50", "DS": "40", "efficiency": "80", "comfort": "20"}
+_TURNED = str.maketrans("<>≤≥", "><≥≤")
 _AT_MOST = re.compile(r"<|≤|\b(?:below|at most|less than)\b")
 _AT_LEAST = re.compile(r">|≥|\b(?:above|at least|more than|over)\b")
 _COMPARISON = re.compile(r"[<>=!≤≥]+|\b(?:is|below|above|at most|at least|less than|more than|over)\b")
@@ -25,6 +26,7 @@ _UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
 _JOIN = re.compile(r"\s+and\s+|\s*[+&,]\s*(?![^(]*\))")
 """How people join failures, outside brackets."""
 _QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
+_BRACKETS = re.compile(r"\([^()]*\)")
 _ALIKE = 0.6
 _LONG_S = 10.0
 """Nobody means a delay of so many seconds: then the unit was wrong and not the number."""
@@ -36,6 +38,8 @@ def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], s
     `read` gives the canonical form of a valid sentence and None for any other.
     """
     left, comparison, limit = _split(sentence)
+    if _NUMBER.fullmatch(left):  # 0.3 >= RD under ...: what must hold is said from the other side
+        left, comparison, limit = limit, comparison.translate(_TURNED), left
     metric, setting = _metric_and_setting(left)
     at_most, at_least = _AT_MOST.search(comparison), _AT_LEAST.search(comparison)
     sign = ">=" if at_least or (not at_most and metric != "RD") else "<="
@@ -78,7 +82,7 @@ def _metric_and_setting(left: str) -> tuple[str, str]:
 
 
 def _limit_candidates(metric: str, text: str) -> list[str]:
-    number = _NUMBER.search(text)
+    number = _NUMBER.search(text.replace(",", "."))  # 0,3 as half of the world writes it
     if number is None:
         return []
     plain = number.group()
@@ -88,17 +92,18 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
 
 
 def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
-    """Return the phrase whose words are most like those of `text`; `text` when none is alike.
+    """Return the phrase whose words are most like those of `text` outside its brackets; `text` when none is alike.
 
     `numbers`: with the numbers of `text`, else with usual ones.
     """
-    words = _words(text)
+    said = _BRACKETS.sub(" ", text)
+    words = _words(said)
     forms = [form for _, cls in sorted(known.items()) for form in templates_of(cls)]
     likeness = [SequenceMatcher(None, words, _words(form.text)).ratio() for form in forms]
     if max(likeness, default=0.0) < _ALIKE:
         return text
     form = forms[likeness.index(max(likeness))]
-    quantities = iter(_QUANTITY.findall(text) if numbers else ())
+    quantities = iter(_QUANTITY.findall(said) if numbers else ())
     examples = _examples(form.cls)
     return _FIELD.sub(
         lambda field: _in_unit_of(field.group(1), next(quantities, None)) or examples.get(field.group(1), "1"),

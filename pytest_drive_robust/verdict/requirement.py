@@ -43,7 +43,7 @@ def known_metric(name: str) -> Metric:
         return METRICS[name]
     names = metric_names()
     if name not in names:
-        hint = did_you_mean(name, names)
+        hint = did_you_mean(str(name), names)
         raise RequirementError(f"there is no metric named {name!r}.{hint} Expected one of {', '.join(names)}.")
     return Metric.from_function(name, default_registry().metric(name))
 
@@ -66,11 +66,11 @@ class Requirement:
     """What must hold for an agent; judged by `evaluate.evaluate`.
 
     `metric` is RD, DS (0..100), SR (0..1), efficiency or comfort (percent) or a registered one and may be given by its
-    name, `comparison` is `"<="` or `">="`, a value equal to the limit passes. `str()` is the sentence that
-    `sentences.requirements` reads.
+    name, `setting` a stack or one perturbation, `comparison` is `"<="` or `">="`, a value equal to the limit passes.
+    `str()` is the sentence that `sentences.requirements` reads.
 
-    Raises `RequirementError` for an unknown metric, a limit outside the metric's range, and for requirements that
-    cannot fail: RD under clean, DS >= 0, SR <= 1.
+    Raises `RequirementError` for an unknown metric, for what is no setting, for a limit outside the metric's range, and
+    for requirements that cannot fail: RD under clean, DS >= 0, SR <= 1.
     """
 
     metric: Metric
@@ -81,8 +81,9 @@ class Requirement:
     written: ClassVar[Written | None] = None
     """Of an object: how `requirements` read it. No part of what it says."""
 
-    def __init__(self, metric: Metric | str, setting: Setting, comparison: str, limit: float) -> None:
-        metric = known_metric(metric) if isinstance(metric, str) else metric
+    def __init__(self, metric: Metric | str, setting: Setting | Perturbation, comparison: str, limit: float) -> None:
+        metric = metric if isinstance(metric, Metric) else known_metric(metric)
+        setting = _as_setting(setting)
         if comparison not in _COMPARISONS:
             raise RequirementError(f"{comparison!r} compares nothing. Expected '<=' or '>='.")
         limit = _checked_limit(metric, comparison, limit)
@@ -222,6 +223,12 @@ class Unjudged:
     def __ge__(self, limit: float) -> Requirement:
         return Requirement(self.metric, self.setting, ">=", limit)
 
+    def __lt__(self, limit: float) -> NoReturn:
+        raise RequirementError(f"'{self.metric} under {self.setting} < {limit}': '<' cannot be used here, write '<='.")
+
+    def __gt__(self, limit: float) -> NoReturn:
+        raise RequirementError(f"'{self.metric} under {self.setting} > {limit}': '>' cannot be used here, write '>='.")
+
     def __bool__(self) -> NoReturn:
         raise RequirementError(f"'{self.metric} under {self.setting}' has no limit yet. Add '<= limit' or '>= limit'.")
 
@@ -231,15 +238,18 @@ def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) ->
 
     Raises `RequirementError` for an unknown metric; the limit is checked when it is compared with.
     """
-    known = known_metric(metric)
-    if isinstance(setting, Perturbation):
-        return Unjudged(known, Setting.of(setting))
-    if not isinstance(setting, Setting):
+    return Unjudged(known_metric(metric), _as_setting(setting))
+
+
+def _as_setting(given: Setting | Perturbation) -> Setting:
+    if isinstance(given, Perturbation):
+        return Setting.of(given)
+    if not isinstance(given, Setting):
         raise RequirementError(
-            f"{setting!r} is not a setting. Expected a perturbation such as InferenceLatency(ms=200), a stack of them "
+            f"{given!r} is not a setting. Expected a perturbation such as InferenceLatency(ms=200), a stack of them "
             "('+'), or a sentence parsed by Setting.parse."
         )
-    return Unjudged(known, setting)
+    return given
 
 
 def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) -> int:
@@ -253,7 +263,7 @@ def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
     """Return the limit as a float that the metric can reach and can miss."""
     try:
         number = float(limit)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise RequirementError(f"the limit of {metric.name} is {limit!r}, expected a number.") from None
     # RD has no lower end, but a perturbed score of twice the clean one is a mistake in the sentence, not a wish.
     low, high = (-1.0, 1.0) if metric.needs_clean else (metric.low, metric.high)

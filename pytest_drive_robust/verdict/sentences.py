@@ -10,6 +10,7 @@ from textwrap import indent
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
+from pytest_drive_robust.perturbations.sentences import brackets, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.nearest import nearest_sentence
 from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, Written, known_metric
@@ -22,12 +23,13 @@ _COMPARISONS = {"<=": "<=", ">=": ">=", "≤": "<=", "≥": ">="}
 _COMPARISON = re.compile("<=|>=|≤|≥")
 # What people write instead; the "=" of a parameter such as "(mode=hold)" has no space before it.
 _NO_COMPARISON = re.compile(r"==|!=|=<|=>|<|>|(?<=\s)=|\b(?:is|below|above|at most|at least|less than|more than)\b")
+_QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _NUMBER = re.compile(_DIGITS)
 _MARGIN = re.compile(
     rf"(?P<words>.+?)\s+margin\s*(?:>=|≥)\s*(?P<level>{_DIGITS})\s*(?P<unit>[a-z]*)"
     rf"(?:\s*\((?:(?P<metric>\w+)\s*(?P<comparison><=|>=|≤|≥)\s*(?P<limit>{_DIGITS})\s*(?:,|(?=\))))?"
-    r"\s*(?P<others>[^()]*)\))?",
+    rf"\s*(?P<others>(?:{_QUOTED.pattern}|[^\"()])*)\))?",
     re.IGNORECASE,
 )
 _ASKS_FOR_A_MARGIN = re.compile(r".+?\s+margin\s*[<>=≤≥]", re.IGNORECASE)
@@ -57,7 +59,7 @@ def requirements(text: str | Path, *, known: Known | None = None) -> list[Requir
     problems: list[str] = []
     path, text = (text, _read(text)) if isinstance(text, Path) else (None, text)
     for number, line in enumerate(text.splitlines(), 1):
-        sentence = line.partition("#")[0].strip()
+        sentence = split_outside_quotes(line, "#")[0].strip()
         if not sentence:
             continue
         try:
@@ -105,14 +107,23 @@ def _left_out() -> str:
 
 
 def _parsed(line: str, known: Known) -> Requirement:
-    sentence = " ".join(line.split())
+    sentence = " ".join(split_outside_quotes(line, r"\s+"))
     try:
         return _parse(sentence, known)
     except UsageError as error:
         # the nearest sentence to a margin may be a limit, which says the opposite
-        suggestion = None if _ASKS_FOR_A_MARGIN.match(sentence) else nearest_sentence(sentence, known, _canonical)
+        suggestion = None if _asks_for_a_margin(sentence) else nearest_sentence(sentence, known, _canonical)
         hint = f"\nNearest valid sentence: {suggestion}" if suggestion else ""
         raise RequirementError(f"{error}{hint}") from None
+
+
+def _asks_for_a_margin(sentence: str) -> bool:
+    return _ASKS_FOR_A_MARGIN.match(_without_quotes(sentence)) is not None
+
+
+def _without_quotes(sentence: str) -> str:
+    """Return the sentence, as long as it was, with a null character for each one of a severity in quotes."""
+    return _QUOTED.sub(lambda quoted: "\0" * len(quoted.group()), sentence)
 
 
 def _canonical(sentence: str, known: Known) -> str | None:
@@ -126,9 +137,10 @@ def _parse(sentence: str, known: Known) -> Requirement:
     margin = _parse_margin(sentence, known)
     if margin is not None:
         return margin
-    comparison = _COMPARISON.search(sentence)
+    outside = _without_quotes(sentence)
+    comparison = _COMPARISON.search(outside)
     if comparison is None:
-        wrong = _NO_COMPARISON.search(sentence)
+        wrong = _NO_COMPARISON.search(outside)
         given = f"{wrong.group()!r} cannot be used here" if wrong else "there is no comparison"
         raise RequirementError(f"{given}. Expected '<=' or '>=' before the limit: '{_FORM}'.")
     metric, under, setting = _left_side(sentence[: comparison.start()].strip())
@@ -149,7 +161,7 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     """
     found = _MARGIN.fullmatch(sentence)
     if found is None:
-        if _ASKS_FOR_A_MARGIN.match(sentence):
+        if _asks_for_a_margin(sentence):
             raise RequirementError(f"{sentence!r} states no margin. Expected '{_MARGIN_FORM}', the brackets optional.")
         return None
     ladder = _ladder(found["words"], known)
@@ -164,9 +176,11 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     metric = known_metric(found["metric"] or "RD")
     comparison = _COMPARISONS[found["comparison"] or "<="]
     limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
-    setting = Setting.of(ladder.at(float(found["level"])))
+    failure = ladder.at(float(found["level"]))
+    setting = Setting.of(failure)
     if found["others"]:
-        setting = Setting.parse(f"{setting} ({found['others']})", known)
+        form = str(failure).removesuffix(f" ({brackets(failure)})")  # what has no default is said by the others
+        setting = Setting.parse(f"{form} ({found['others']})", known)
     return MarginRequirement(metric, setting, comparison, limit)
 
 

@@ -108,8 +108,10 @@ def minimal_failing(
 def _drop(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float) -> Setting:
     """Leave out failures until nothing can be: the mildest is the least likely culprit, so it is tried first."""
     while len(setting.perturbations) > 1:
-        order = sorted(setting.perturbations, key=lambda item: _height(item, dt_s))
-        smaller = (Setting(tuple(other for other in setting.perturbations if other is not item)) for item in order)
+        stack = setting.perturbations
+        heights = [_height(item, dt_s) for item in stack]
+        order = sorted(range(len(stack)), key=heights.__getitem__)  # places: one object may stand in two
+        smaller = (Setting(stack[:place] + stack[place + 1 :]) for place in order)
         found = next((candidate for candidate in smaller if still_fails(candidate)), None)
         if found is None:
             break

@@ -124,9 +124,23 @@ def test_the_official_phase_unwrap_hides_a_jump_of_a_full_turn() -> None:
     assert comfort(driving(20, yaw_rate_radps=rates)) == 0.0
 
 
+def test_a_spike_of_one_sample_is_smoothed_to_a_third() -> None:
+    # the middle weight of a parabola through seven samples is 7 / 21; the bound is 0.95 of the official degrees
+    spike = np.zeros(20)
+    spike[10] = 1.0
+
+    assert comfort(driving(20, yaw_rate_radps=np.radians(2.8 * spike))) == 100.0
+    assert comfort(driving(20, yaw_rate_radps=np.radians(2.9 * spike))) == 0.0
+
+
 def test_a_standing_car_is_comfortable_officially_and_no_data_when_fixed() -> None:
     assert comfort(driving(speed_mps=0.0)) == 100.0
     assert comfort(driving(speed_mps=0.0), mode="fixed") is None
+
+
+def test_a_car_stands_below_a_tenth_of_a_metre_per_second() -> None:
+    assert comfort(driving(speed_mps=0.1), mode="fixed") == 100.0
+    assert comfort(driving(speed_mps=0.099), mode="fixed") is None
 
 
 def test_a_car_that_backs_up_does_not_stand() -> None:

@@ -67,6 +67,9 @@ def test_the_same_pair_twice_is_refused() -> None:
         robustness_degradation([once, once], [once])
     with pytest.raises(ComparisonError, match="perturbed set holds more than one"):
         robustness_degradation([once], [once, once])
+    twice = [scored(route, 100.0) for route in ("2", "1", "2", "1")]
+    with pytest.raises(ComparisonError, match=r"\(route 1, seed 0\), \(route 2, seed 0\)\. Expected"):
+        robustness_degradation(twice, twice)
 
 
 def test_an_empty_set_is_refused() -> None:

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import functools
+import re
+import statistics
 from collections.abc import Sequence
 
 import pytest
@@ -88,6 +90,13 @@ def test_what_a_function_of_a_user_raises_is_an_error_that_names_its_line() -> N
         Metric.from_function("bumps", broken).measure([make_result()])
     assert str(raised.value) == f"the metric bumps raised ZeroDivisionError: division by zero ({__file__}:{line})"
     assert isinstance(raised.value.__cause__, ZeroDivisionError)
+
+    def asking(results: Sequence[EpisodeResult]) -> float:
+        return statistics.stdev([float(len(results))])
+
+    line = asking.__code__.co_firstlineno + 1
+    with pytest.raises(ComparisonError, match=rf"StatisticsError: .* \({re.escape(__file__)}:{line}\)$"):
+        Metric.from_function("bumps", asking).measure([make_result()])
     with pytest.raises(ComparisonError, match=r"^the metric bumps raised TypeError: .*'EpisodeResult'$"):
         Metric.from_function("bumps", sum).measure([make_result()])
 

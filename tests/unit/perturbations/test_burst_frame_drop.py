@@ -50,6 +50,11 @@ def test_the_record_of_the_last_burst_ends_with_the_episode() -> None:
     assert [(item.first_tick, item.last_tick) for item in stack.schedule()] == [(1, 60), (61, 99)]
 
 
+def test_a_burst_that_begins_with_the_last_tick_is_recorded() -> None:
+    schedule = BurstSchedule(Draws(1, "r", "s"), "front", probability=1.0, longest_ticks=3, uniform=False)
+    assert schedule.until(4) == [(1, 3), (4, 4)]
+
+
 def test_an_episode_that_is_looked_at_late_has_no_earlier_frame_to_repeat() -> None:
     driven = observed(BurstFrameDrop(length_s=3.0, probability=1.0), [30, 31])
     assert [seen.cameras["front"].tick for seen in driven] == [30, 30]

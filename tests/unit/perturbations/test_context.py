@@ -109,3 +109,8 @@ def test_normal_numbers_are_standard_normal_and_independent() -> None:
 def test_a_normal_number_is_finite_even_for_the_smallest_uniform_number(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Draws, "uniform", lambda *_: (0.0, 0.0, 1.0 - 2.0**-53, 0.25))
     assert all(map(math.isfinite, Draws(0, "r", "s").normal("gps", 0)))
+
+
+def test_a_seed_that_is_no_whole_number_is_refused() -> None:
+    with pytest.raises(TypeError):
+        Draws(1.0, "route", "stream")  # type: ignore[arg-type]

@@ -55,11 +55,17 @@ def test_a_factor_grows_more_severe_as_it_falls() -> None:
     assert ladder.severity(0.2) > ladder.severity(0.5)
 
 
+def test_one_level_alone_is_of_a_severity_that_grows() -> None:
+    ladder = ladder_of(GpsNoise, dt_s=0.05, levels=(5.0,))
+    assert ladder.severity(3.0) < ladder.severity(5.0)
+
+
 def test_a_class_of_a_user_brings_its_own_steps() -> None:
     ladder = ladder_of(Dimmed(noise=0.3), dt_s=0.05)
     assert ladder.levels == (0.9, 0.5, 0.1)
     assert ladder.at(0.1) == Dimmed(gain=0.1, noise=0.3)
     assert ladder.label(0.9) == "0.9"
+    assert ladder.label(0.1 + 0.2) == "0.3"
 
 
 def test_a_class_without_steps_is_told_how_to_declare_them() -> None:

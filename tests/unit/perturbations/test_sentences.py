@@ -127,6 +127,7 @@ def test_friendly_spellings_mean_the_canonical_sentence(text: str, sentence: str
         ("GPS noise 5 cm", "GPS noise 5 m"),
         ("gps drift 15 m", "GPS noise 15 m"),
         ("3 s frame drop", "3 s burst frame drop"),
+        ("30 s frame drop", "30 s burst frame drop"),
         ("3000 ms burst frame drop", "3 s burst frame drop"),
         ("speed 0.5", "speed noise 0.5"),
         ("measurd latency", "measured latency"),
@@ -247,6 +248,24 @@ def test_classes_of_users_have_a_sentence_form_as_well(stack: list[Perturbation]
     again = Setting.parse(str(setting), THIRD_PARTY)
     assert again == setting
     assert str(again) == str(setting)
+
+
+def test_what_a_sentence_does_not_say_is_this() -> None:
+    plain = (BurstFrameDrop(), PartialObservation(), GpsNoise(), SpeedNoise(), InferenceLatency(ms=0), SensorDelay())
+    assert [tuple(item.parameters().values()) for item in (*plain, FrameBlend())] == [
+        (1.0, 0.01, "fixed"),
+        (0.5, False, "black"),
+        (5.0,),
+        (0.5, 0.2, False),
+        (0.0, "fifo", 0, ()),
+        (100.0, None),
+        (3, "uniform"),
+    ]
+
+
+@pytest.mark.parametrize("colour", ["none", "True", "NaN", "inf", "Infinity", "infinity", "12", "-0", "1e3", "1_0"])
+def test_a_word_that_looks_like_something_else_stays_a_word(colour: str) -> None:
+    assert Setting.parse(str(Setting.of(LensTint(colour))), THIRD_PARTY) == Setting.of(LensTint(colour))
 
 
 def test_a_class_without_a_phrase_is_called_by_its_name() -> None:

@@ -9,6 +9,7 @@ from stream_factory import observation_at, observed, started
 
 from pytest_drive_robust.domain.observation import Speed
 from pytest_drive_robust.perturbations import Setting, SpeedNoise
+from pytest_drive_robust.perturbations.context import Draws
 
 TICKS = range(6000)
 
@@ -20,6 +21,12 @@ def test_speed_noise_is_a_normal_factor_that_is_not_clipped(mean: float, negativ
     assert factors.mean() == pytest.approx(mean, abs=0.011)
     assert factors.std() == pytest.approx(0.2, abs=0.008)
     assert (factors < 0.0).mean() == pytest.approx(negative_share, abs=0.02)
+
+
+def test_the_first_number_of_a_tick_is_the_factor() -> None:
+    clean = observation_at(9)
+    noisy = started(SpeedNoise(0.5), route_id="17", seed=3).observe(clean).speed
+    assert noisy.mps == (0.5 + 0.2 * Draws(3, "17", "speed-noise").normal("speed", 9)[0]) * clean.speed.mps
 
 
 def test_clipping_replaces_negative_factors_by_zero_and_leaves_the_others() -> None:

@@ -13,6 +13,7 @@ from pytest_drive_robust.stats.evidence import (
     degradation_forms,
     fail_p_value,
     last_fail_p,
+    last_pass_p,
     mean_below_zero_p,
     mean_forms,
     unseen_p,
@@ -108,6 +109,10 @@ def test_without_an_upper_end_a_ceiling_fails_early_but_passes_in_the_last_look_
     assert verdict(rule, [100.0, 90.0, 80.0, 85.0] * 25) == ("pass", 100)
 
 
+def test_values_that_only_rounding_put_below_the_limit_do_not_fail() -> None:
+    assert verdict(mean_forms(60.0, ">=", low=0.0, margin=10.0), [60.0 - 1e-13] * 20)[0] != "fail"
+
+
 def test_one_failure_disproves_that_all_routes_succeed() -> None:
     rule = mean_forms(1.0, ">=", low=0.0, high=1.0, margin=0.10)
 
@@ -178,6 +183,12 @@ def test_what_was_not_drawn_counts_more_the_better_it_may_be_and_never_makes_a_f
     alone = mean_below_zero_p(holds)
     assert alone <= unseen_p(holds, most) <= unseen_p(holds, 2.0 * most) <= 1.0
     assert last_fail_p(holds, most) >= alone / 0.8 == last_fail_p(holds, math.inf)
+
+
+def test_without_an_end_the_worst_that_was_not_seen_is_as_far_out_as_the_farthest_route() -> None:
+    slacks = [3.0, 8.0, -40.0, 12.0] * 6
+
+    assert last_pass_p(slacks, math.inf) == last_pass_p(slacks, 40.0) > last_pass_p(slacks, 0.0)
 
 
 def test_where_one_route_moves_the_mean_by_little_the_test_alone_decides() -> None:

@@ -253,6 +253,7 @@ def test_one_pair_says_almost_nothing() -> None:
 
     assert low < -5.0
     assert high > 0.9
+    assert -40_000.0 < evidence_interval([0.1], [0.1])[0] < -30_000.0  # a clean score that may gain very much
 
 
 def test_a_perturbed_agent_that_never_moves_reaches_the_end() -> None:

@@ -105,8 +105,10 @@ def test_the_point_judge_reads_everything_and_compares(pairs: list[tuple[float, 
         assert verdict == ("pass" if excess > 0.0 else "fail")
 
 
-def test_equal_to_the_limit_passes_by_point_and_by_list() -> None:
-    pairs = [(80.0, 56.0)] * 30
+@pytest.mark.parametrize("pair", [(80.0, 56.0), (33.2, 23.24)])
+def test_equal_to_the_limit_passes_by_point_and_by_list_although_rounding_puts_it_below(pair) -> None:
+    assert RULE.hold(56.0, 80.0) == 0.0 > RULE.hold(23.24, 33.2)
+    pairs = [pair] * 30
 
     assert read(PointJudge(RULE), pairs) == ("pass", 30)
     assert read(ListJudge(RULE, planned=30), pairs)[0] == "pass"
@@ -169,6 +171,27 @@ def test_a_list_that_ends_before_its_end_is_inconclusive_and_one_route_more_chan
         ListJudge(RULE, planned=0).read(70.0, 100.0)
 
 
+def mean_over_bets(first: float, second: float) -> float:
+    """What the three gamblers own after two stakes."""
+    return sum((1.0 + bet * first) * (1.0 + bet * second) for bet in (0.2, 0.5, 0.9)) / 3.0
+
+
+def test_a_list_bets_on_what_the_routes_left_must_average() -> None:
+    judge = ListJudge(mean_forms(0.5, ">=", margin=0.1, low=0.0, high=1.0), planned=4)
+    judge.read(1.0)  # half a success too many, so the other three may be short of a sixth each
+    judge.read(0.0)
+    assert judge.within.value == pytest.approx(mean_over_bets(1.0, -1.0))
+    assert judge.against.value == pytest.approx(mean_over_bets(-1.0, (-1 / 6 + 0.5) / (0.5 + 1 / 6)))
+
+
+def test_a_list_bets_on_what_the_references_left_must_average_for_the_floor() -> None:
+    judge = ListJudge(RULE, planned=4, floor=30.0)
+    judge.read(63.0, 90.0)  # 30 are left for the other three
+    judge.read(0.0, 0.0)
+    assert judge.above_floor.value == pytest.approx(mean_over_bets(60 / 30, -10 / 10))
+    assert judge.below_floor.value == pytest.approx(mean_over_bets(-60 / 70, 10 / 90))
+
+
 def test_a_list_without_a_range_bets_nothing_and_is_read_to_the_end() -> None:
     rule = mean_forms(60.0, ">=", margin=5.0)
 
@@ -180,6 +203,14 @@ def test_a_list_without_a_range_bets_nothing_and_is_read_to_the_end() -> None:
 def test_a_score_that_cannot_be_is_refused(kind: str, wrong: float) -> None:
     with pytest.raises(ComparisonError, match="outside"):
         judge_by(kind, RULE, planned=5).read(wrong, 90.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
+@pytest.mark.parametrize("wrong", [-0.01, 1.01])
+def test_a_share_just_outside_its_range_is_refused(kind: str, wrong: float) -> None:
+    forms = mean_forms(0.5, ">=", margin=0.1, low=0.0, high=1.0)
+    with pytest.raises(ComparisonError, match="outside"):
+        judge_by(kind, forms, planned=5).read(wrong)
 
 
 @pytest.mark.parametrize("kind", ["evidence", "list", "point"])

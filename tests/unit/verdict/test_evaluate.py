@@ -26,7 +26,12 @@ from pytest_drive_robust.perturbations import (
     SpeedNoise,
 )
 from pytest_drive_robust.stats.evidence import fail_p_value
-from pytest_drive_robust.stats.intervals import evidence_interval, ratio_interval, share_interval
+from pytest_drive_robust.stats.intervals import (
+    evidence_interval,
+    mean_evidence_interval,
+    ratio_interval,
+    share_interval,
+)
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, immunity, measure, require_touched
 from pytest_drive_robust.verdict.requirement import Requirement, requirement
 from pytest_drive_robust.verdict.sentences import requirements
@@ -184,6 +189,32 @@ def test_the_mode_decides_what_the_interval_is_of(decision: str | None) -> None:
 
     assert verdict.value == 50.0
     assert verdict.low < 50.0 < verdict.high
+
+
+@pytest.mark.parametrize("planned", [24, 60])
+def test_the_interval_of_a_mean_by_evidence_is_that_of_its_rule_and_comparison(planned: int) -> None:
+    scores = [60.0, 20.0, 90.0, 55.0] * 6
+    verdict = evaluate(
+        requirements("DS under clean <= 60")[0],
+        agent="driver",
+        clean=[],
+        perturbed=drives(scores),
+        verdict_rule=VerdictRule("evidence", alpha=0.01),
+        decision="inconclusive",
+        planned=planned,
+    )
+    ended = planned == 24
+    assert (verdict.low, verdict.high) == mean_evidence_interval(
+        scores, 0.01, low=0.0, high=100.0, ended=ended, comparison="<="
+    )
+
+
+@pytest.mark.parametrize(("kind", "margin"), [("evidence", 10.0), ("list", 0.0)])
+def test_the_margin_is_that_of_a_rule_that_has_one(kind: str, margin: float) -> None:
+    wanted = requirements("DS under clean >= 60")[0]
+    rule = VerdictRule(kind)
+    verdict = evaluate(wanted, agent="driver", clean=[], perturbed=drives([70.0]), verdict_rule=rule, decision="pass")
+    assert verdict.margin == margin
 
 
 @pytest.mark.parametrize("planned", [24, 60])
@@ -368,11 +399,13 @@ def test_judging_refuses_such_a_setting() -> None:
 
 def test_an_agent_that_uses_none_of_the_changed_signals_is_called_immune() -> None:
     setting = GpsNoise(std_m=5) + SpeedNoise()
-    sentence = immunity(episodes(setting, "gps", "speed", cameras=("front",), consumes=("cameras",)))
-    assert sentence == (
+    driven = episodes(setting, "gps", "speed", cameras=("front",), consumes=("cameras",))
+    told = (
         "GPS noise 5 m and speed noise 0.5 changed gps, speed, which driver does not use: "
         "the agent has cameras front; of its sensors it declares to use cameras."
     )
+    assert immunity(driven) == told
+    assert immunity(driven[:1]) == told
 
 
 @pytest.mark.parametrize(
@@ -404,6 +437,30 @@ def test_a_broken_limit_of_another_metric_names_the_routes_that_break_it_alone()
     assert [route.route_id for route in slow.worst] == ["1", "4", "2"]
     held = evaluate(Requirement(metric, Setting.parse(LATE), "<=", 30.0), agent="driver", clean=[], perturbed=late)
     assert held.worst == ()
+
+
+def test_a_limit_that_holds_ranks_routes_by_the_driving_score_although_one_breaks_it_alone() -> None:
+    driven = [make_result("1", speed_ratios_pct=[70.0]), scored("2", 40.0, speed_ratios_pct=[100.0])]
+    verdict = evaluate(requirement("efficiency") >= 80.0, agent="driver", clean=[], perturbed=driven)
+    assert verdict.passed
+    assert [(route.route_id, route.perturbed_value) for route in verdict.worst] == [("2", None)]
+
+
+def test_a_metric_that_is_no_number_on_some_routes_ranks_the_others() -> None:
+    values = [11.0, math.nan, 30.0, math.nan, 20.0, math.nan, 40.0]
+    metric = Metric.from_function(
+        "bumps", lambda results: values[int(results[0].episode.route_id)] if len(results) == 1 else 25.0
+    )
+    late = drives([50.0] * len(values), setting=LATE)
+    verdict = evaluate(Requirement(metric, Setting.parse(LATE), "<=", 10.0), agent="driver", clean=[], perturbed=late)
+    assert [route.perturbed_value for route in verdict.worst] == [40.0, 30.0, 20.0]
+
+
+def test_a_limit_that_no_route_breaks_alone_names_the_lowest_driving_scores_without_its_values() -> None:
+    metric = Metric.from_function("together", lambda results: 3.0 * len(results))
+    wanted = Requirement(metric, Setting.parse(LATE), "<=", 5.0)
+    verdict = evaluate(wanted, agent="driver", clean=[], perturbed=drives([100.0, 20.0], setting=LATE))
+    assert [(route.route_id, route.perturbed_value) for route in verdict.worst] == [("1", None)]
 
 
 @pytest.mark.parametrize("of_one", [None, ZeroDivisionError])

@@ -12,6 +12,7 @@ from pytest_drive_robust.verdict.explain import (
     WorstRoute,
     describe_outcome,
     first_divergence,
+    seconds_text,
     worst_routes,
 )
 
@@ -49,6 +50,16 @@ def test_an_infraction_of_which_nobody_told_when_has_no_second() -> None:
     result = make_result(end=End.BLOCKED, infractions=[infraction(InfractionKind.COLLISION_VEHICLE, second=0.0)])
 
     assert describe_outcome(result).startswith("collision with vehicle, blocked at ")
+
+
+def test_an_infraction_of_the_first_tick_has_its_second() -> None:
+    result = make_result(infractions=[infraction(InfractionKind.COLLISION_VEHICLE, second=0.05)])
+
+    assert describe_outcome(result) == "completed, collision with vehicle at 0.1 s"
+
+
+def test_a_second_is_rounded_up_at_the_half_although_rounding_put_it_below() -> None:
+    assert seconds_text(7.25) == seconds_text(7.25 - 1e-9) == "7.3 s"
 
 
 def test_leaving_the_lanes_is_told_by_its_share() -> None:

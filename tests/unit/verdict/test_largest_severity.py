@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import PerturbationError, RequirementError
 from pytest_drive_robust.metrics.table import METRICS, Metric
-from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, SpeedNoise
+from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, Perturbation, SpeedNoise
 from pytest_drive_robust.perturbations.ladder import Ladder, ladder_of
 from pytest_drive_robust.stats.judges import judge_by
 from pytest_drive_robust.verdict.largest_severity import (
@@ -74,6 +74,7 @@ def test_an_undecided_severity_sends_the_search_to_the_side_of_its_value() -> No
             "holds at 140 ms, breaks at 180 ms, undecided at 160 ms",
         ),
         ([(20, "breaks")], "breaks already at 20 ms"),
+        ([(20, "undecided"), (40, "breaks")], "breaks at 40 ms, undecided at 20 ms"),
         ([(1000, "holds")], "holds at 1000 ms, the most severe one tried"),
         ([(100, "holds"), (60, "breaks"), (40, "holds")], "holds at 40 ms, breaks at 60 ms"),
         ([(20, "undecided")], "undecided at 20 ms"),
@@ -113,6 +114,24 @@ def test_a_falling_factor_is_a_rising_severity() -> None:
     assert found >= SpeedNoise(mean=0.7)
     assert found < SpeedNoise(mean=0.3)
     assert found.sentence == "holds at 0.5, breaks at 0.4"
+
+
+@pytest.mark.parametrize(
+    ("mild", "tried", "severe"),
+    [
+        (SpeedNoise(mean=0.7), SpeedNoise(mean=0.5), SpeedNoise(mean=0.2)),
+        (GpsNoise(std_m=3), GpsNoise(std_m=5), GpsNoise(std_m=10)),
+        (InferenceLatency(ms=100), InferenceLatency(ms=140), InferenceLatency(ms=160)),
+    ],
+)
+def test_one_level_alone_grows_the_way_of_the_usual_steps(
+    mild: Perturbation, tried: Perturbation, severe: Perturbation
+) -> None:
+    level = ladder_of(type(tried), dt_s=0.02).level_of(tried)
+    found = bracket((level, "holds"), ladder=ladder_of(type(tried), dt_s=0.02, levels=(level,)))
+    assert found >= mild
+    assert found == tried
+    assert not found >= severe
 
 
 def test_another_failure_or_other_severities_beside_it_do_not_compare() -> None:
@@ -205,6 +224,15 @@ def test_the_comparison_follows_the_metric() -> None:
     found = largest(LATENCY, Scores(noise=0.0).decide, routes=8, metric="RD", limit=0.30, comparison=">=")  # type: ignore[arg-type]
     assert found.comparison == ">="
     assert largest(LATENCY, Scores().decide, routes=8, metric="RD", limit=0.30).comparison == "<="  # type: ignore[arg-type]
+
+
+def test_levels_that_begin_with_the_most_severe_are_refused_before_anything_is_driven() -> None:
+    campaign = Scores()
+    for failure, levels, way in ((InferenceLatency, (300.0, 100.0), "up"), (SpeedNoise, (0.2, 0.5), "down")):
+        ladder = ladder_of(failure, dt_s=0.02, levels=levels)
+        with pytest.raises(PerturbationError, match=rf"lead from .* expected from mild to severe: {way}, as its own"):
+            largest(ladder, campaign.decide, routes=8, metric="RD", limit=0.30)  # type: ignore[arg-type]
+    assert campaign.levels == []
 
 
 def test_a_limit_that_no_agent_can_miss_is_refused_before_anything_is_driven() -> None:

@@ -80,6 +80,9 @@ def test_a_function_over_all_episodes_gives_no_verdict_from_evidence() -> None:
     assert ticks.advice(rule, 1).level == "fine"
     assert [by_evidence(stated, rule) for stated in ([score, ticks], [ticks], [])] == [1, 0, 1]
     assert by_evidence([score], VerdictRule("list")) == 0
+    kinds = ("evidence", "list", "point")
+    assert [score.reads_routes(VerdictRule(kind)) for kind in kinds] == [True, True, False]
+    assert not any(ticks.reads_routes(VerdictRule(kind)) for kind in kinds)
 
 
 def test_a_margin_that_is_read_otherwise_is_still_a_margin() -> None:
@@ -153,6 +156,8 @@ def test_a_value_on_the_limit_meets_the_requirement() -> None:
     assert [at_least.is_met_by(value) for value in (0.29, 0.3, 0.31)] == [False, True, True]
     assert all((requirement("RD", LATE) <= limit / 100).is_met_by(1.0 - (100 - limit) / 100) for limit in range(1, 100))
     assert not at_most.is_met_by(0.3 + 1e-6)
+    score = requirement("DS") >= 60  # the rounding is a share of the range
+    assert [score.is_met_by(60.0 - below) for below in (1e-8, 1e-6)] == [True, False]
     assert not at_most.is_met_by(math.nan)
     assert not at_least.is_met_by(math.nan)
 
@@ -171,6 +176,7 @@ def test_a_value_on_the_limit_meets_the_requirement() -> None:
         ("comfort", ">=", -1, "expected a number in 0..100"),
         ("efficiency", ">=", -1, "expected 0 or more"),
         ("DS", ">=", math.nan, "limit of DS is nan"),
+        ("DS", ">=", 10**400, "limit of DS is 10"),
         ("DS", ">=", "high", "limit of DS is 'high', expected a number"),
         ("DS", "<", 50, "'<' compares nothing. Expected '<=' or '>='"),
         ("DSS", ">=", 50, "no metric named 'DSS'. Did you mean 'DS'"),
@@ -193,8 +199,27 @@ def test_rd_under_clean_is_refused_with_what_to_write_instead() -> None:
 
 
 def test_a_setting_that_is_none_is_refused() -> None:
-    with pytest.raises(RequirementError, match="'200 ms latency' is not a setting"):
-        requirement("RD", "200 ms latency")  # type: ignore[arg-type]
+    for state in (lambda given: requirement("RD", given), lambda given: Requirement("RD", given, "<=", 0.3)):
+        with pytest.raises(RequirementError, match="'200 ms latency' is not a setting"):
+            state("200 ms latency")
+
+
+def test_one_perturbation_is_a_setting() -> None:
+    assert Requirement("RD", InferenceLatency(ms=200), "<=", 0.3) == Requirement("RD", LATE, "<=", 0.3)
+
+
+@pytest.mark.parametrize("name", [None, 3])
+def test_what_is_no_name_of_a_metric_is_refused(name: object) -> None:
+    for state in (requirement, lambda given: Requirement(given, LATE, "<=", 0.3)):
+        with pytest.raises(RequirementError, match=rf"there is no metric named {name}\..* Expected one of RD"):
+            state(name)  # type: ignore[arg-type]
+
+
+def test_a_comparison_without_the_limit_itself_is_refused_with_the_one_to_write() -> None:
+    with pytest.raises(RequirementError, match=r"'DS under clean > 60': '>' cannot be used here, write '>='"):
+        requirement("DS") > 60  # noqa: B015
+    with pytest.raises(RequirementError, match=r"'<' cannot be used here, write '<='"):
+        requirement("RD", LATE) < 0.3  # noqa: B015
 
 
 def test_asserting_a_requirement_does_not_pass_for_a_verdict() -> None:

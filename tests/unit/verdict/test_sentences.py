@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import pytest
 from hypothesis import given
@@ -165,6 +166,9 @@ def test_all_problems_of_a_text_are_told_at_once_with_their_lines() -> None:
         ("DS under clean >= sixty", "the limit is 'sixty'", "DS under clean >= 40"),
         ("DS under clean >= 60 points", "the limit is '60 points'", "DS under clean >= 60"),
         ("RD under clean <= 0.3", "always 0", "RD under 200 ms latency <= 0.30"),
+        ("RD under 300 ms latency <= 0,4", "the limit is '0,4'", "RD under 300 ms latency <= 0.40"),
+        ("DS under 300 ms latency (reading=papr) >= 30", "no reading named 'papr'", "DS under 300 ms latency >= 30"),
+        ("0.4 >= RD under 300 ms latency", "'under' is missing", "RD under 300 ms latency <= 0.40"),
         ("DS under clean >= 0", "can never fail", "DS under clean >= 40"),
         ("the agent should drive well", "there is no comparison", "RD under 200 ms latency <= 0.30"),
     ],
@@ -282,6 +286,8 @@ def test_it_has_an_object_form() -> None:
     [
         ("latency margin >= 0.2 s", "has the unit 's'. Expected ms: 'latency margin >= 200 ms'"),
         ("burst frame drop margin >= 500 ms", "Expected s: 'burst frame drop margin >= 0.5 s'"),
+        ("GPS noise margin >= 2 km", "Expected m: 'GPS noise margin >= 2000 m'"),
+        ("GPS noise margin >= 50 cm", "Expected m: 'GPS noise margin >= 0.5 m'"),
         ("latency margin >= 150", "has no unit. Expected ms: 'latency margin >= 150 ms'"),
         ("occlusion margin >= 0.5 m", "has the unit 'm'. Expected none: 'occlusion margin >= 0.5'"),
         ("latancy margin >= 150 ms", "there is no failure called 'latancy'. Did you mean 'latency'?"),
@@ -297,6 +303,24 @@ def test_what_cannot_be_meant_is_refused(sentence: str, message: str) -> None:
         parsed(sentence)
     assert message in str(error.value)
     assert "Nearest valid sentence" not in str(error.value)  # a limit would say the opposite of a margin
+
+
+@dataclass
+class LensFilm(Perturbation):
+    """A test's own failure: its phrase does not show what has no default."""
+
+    maker: str
+    gain: float = 0.5
+    phrase = "lens film {gain}"
+    example: ClassVar = {"maker": "ours"}
+    ladder: ClassVar = ("gain", (0.9, 0.5))
+
+
+@pytest.mark.parametrize("maker", ["ours", "#1", "a  b", "x <= 3", "the margin >= 2", "(we)"])
+def test_a_severity_in_words_is_read_back_whatever_the_words_are(maker: str) -> None:
+    setting = Setting.of(LensFilm(maker))
+    for stated in (Requirement("RD", setting, "<=", 0.3), MarginRequirement("RD", setting, "<=", 0.3)):
+        assert requirements(str(stated), known={**BUILTIN, "lens-film": LensFilm}) == [stated]
 
 
 def test_margins_stand_beside_other_requirements() -> None:

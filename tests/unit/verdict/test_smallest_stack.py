@@ -54,6 +54,17 @@ def test_one_failure_alone_is_only_made_milder() -> None:
     )
 
 
+def test_a_severity_becomes_one_step_milder_where_more_is_too_mild() -> None:
+    found = minimal_failing(InferenceLatency(ms=200), lambda setting: latency_of(setting) >= 150)
+    assert str(found.setting) == "150 ms latency"
+
+
+def test_what_does_the_same_as_the_setting_itself_is_not_driven() -> None:
+    found = minimal_failing(InferenceLatency(ms=160), lambda setting: latency_of(setting) >= 150)
+    assert str(found.setting) == "160 ms latency"  # 3 ticks, as 150 ms are
+    assert "150 ms latency" not in dict(found.asked)
+
+
 def test_an_open_verdict_keeps_what_it_was_asked_about() -> None:
     def fails(setting: Setting) -> str:
         return "fail" if setting == STACK else "inconclusive"
@@ -81,6 +92,12 @@ def test_the_mildest_is_left_out_first() -> None:
     minimal_failing(stack, fails)
     assert asked[1] == "speed noise 0 and unladdered 1 and 500 ms latency"
     assert asked[4] == "speed noise 0 and GPS noise 0.5 m and 500 ms latency"
+
+
+def test_one_failure_that_stands_in_a_stack_twice_is_left_out_once_at_a_time() -> None:
+    noise = GpsNoise(std_m=0.5)
+    found = minimal_failing(noise + noise, lambda setting: not setting.is_clean)
+    assert str(found.setting) == "GPS noise 0.5 m"
 
 
 def test_what_has_no_ladder_stays_as_severe_as_it_is() -> None:
@@ -112,6 +129,15 @@ def test_the_result_prints_a_test_case_that_runs() -> None:
     namespace["test_200_ms_latency"](Drive())  # type: ignore[operator]
     assert checked == ["DS under 200 ms latency >= 60"]
     assert str(found).startswith("smallest setting that fails: 200 ms latency (from occlusion 0.8 and ")
+
+
+@pytest.mark.parametrize(("setting", "decision"), [(STACK, "inconclusive"), (Setting.CLEAN, "fail")])
+def test_what_does_not_fail_and_what_fails_without_a_failure_has_no_smallest_setting(setting, decision) -> None:
+    def decide(asked: Requirement, rule: VerdictRule) -> Verdict:
+        return cast("Verdict", SimpleNamespace(decision=decision))
+
+    wanted = requirement("DS", setting) >= 60
+    assert minimal_failure(wanted, decide, verdict_rule=VerdictRule("evidence"), dt_s=0.05) is None
 
 
 def test_one_alpha_is_shared_by_all_that_is_asked_on_the_way() -> None:
