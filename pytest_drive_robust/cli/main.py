@@ -37,16 +37,17 @@ the default `command`: a function of the parsed arguments that returns the exit 
 
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 _CUT_OFF = 1  # as rich has it, which prints the tables
+_INTERRUPTED = 130  # a shell's, as 2 is a command line that does not parse
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Returns the exit code: 0; 1 when what was checked does not hold (a contract, a comparison, a stored record, a
-    replay, the doctor's list); 4 for input that cannot be used.
+    replay, the doctor's list); 4 for input that cannot be used; 130 after Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
     try:
+        options = _parser().parse_args(arguments)
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`
             register_names_of(word, default_registry())
         code: int = options.command(options)
@@ -54,6 +55,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)
         return _USAGE_ERROR
+    except KeyboardInterrupt:
+        print("drive-robust: interrupted", file=sys.stderr)
+        return _INTERRUPTED
     except BrokenPipeError:  # as before `| head`; what is left is written nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _CUT_OFF

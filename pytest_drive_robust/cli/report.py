@@ -44,7 +44,7 @@ def _report(options: argparse.Namespace) -> int:
     registry, store = default_registry(), existing_store(options) if options.store else None
     records = RunRecords.stored(options.run, registry, store=store)
     comparison = before = None
-    if options.against:
+    if options.against is not None:
         after = snapshot_of(records.document, label=records.label)
         references = references_of(options)
         snapshot = references.load(options.against, simulator=after.simulator)

@@ -155,6 +155,10 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
+        (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
+        (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
+        (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
+        (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' of agents from module aaa"),
         (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
@@ -164,12 +168,21 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-b2d-python=python3",), "--drive-b2d-python needs --drive-sim bench2drive"),
         (("--drive-sim=bench2driv",), "there is no simulator named 'bench2driv'. Did you mean 'bench2drive'?"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+    ids=lambda value: " ".join(value)[:40] if isinstance(value, tuple) else "",
 )
 def test_what_cannot_be_used_is_refused_before_anything_was_driven(suite, driven, args, told):
     result = run(suite(HOLDS), *args)
     assert result.ret == 4
     assert told in "\n".join((*result.outlines, *result.errlines))
+    assert driven() == []
+
+
+def test_a_store_that_cannot_be_written_is_refused_before_a_run_is_driven_for_it(suite, driven):
+    folder = suite(HOLDS)
+    (folder.path / ".drive-robust").write_text("a file")
+    result = run(folder, "--drive-store=off", "--drive-save")
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*--drive-save is 'auto', but '*.drive-robust' cannot be written to."])
     assert driven() == []
 
 

@@ -39,6 +39,7 @@ _EXIT_CODES = (
     (pytest.ExitCode.INTERNAL_ERROR, "a bug of ours", "none"),
     (pytest.ExitCode.USAGE_ERROR, "input that makes no sense; nothing was driven", "input that makes no sense"),
     (pytest.ExitCode.NO_TESTS_COLLECTED, "no test was collected", "none"),
+    (130, "none", "interrupted"),
 )
 
 

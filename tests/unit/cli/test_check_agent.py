@@ -58,6 +58,7 @@ def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]
         (["nobody"], "no agent named 'nobody'"),
         (["cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
         (["cli_agents:Good", "--sim", FAKE, "--routes", "dev11"], "Did you mean 'dev10'"),
+        (["cli_agents:Good", "--sim", FAKE, "--routes", ""], "no routes were named"),
     ],
 )
 def test_what_cannot_be_checked_exits_with_4(

@@ -135,6 +135,17 @@ def test_only_the_module_of_the_command_is_imported() -> None:
     ]
 
 
+def test_ctrl_c_ends_a_command_with_a_word_and_the_exit_code_of_a_shell(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pytest_drive_robust.cli.list.print_table", interrupted)
+    assert main(["list", "agents"]) == 130
+    assert capsys.readouterr().err == "drive-robust: interrupted\n"
+
+
 @pytest.mark.parametrize("words", [["doctor"], ["list", "agents"]], ids=["lines", "table"])
 def test_a_reader_that_stops_reading_gets_no_traceback(words: list[str]) -> None:
     command = [sys.executable, "-m", "pytest_drive_robust.cli", *words]

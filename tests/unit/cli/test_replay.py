@@ -354,6 +354,8 @@ def test_stored_controls_are_driven_again_without_the_agent(
         ({"--tick-cap": "0"}, "expected at least 1"),
         ({"--seed": "0", "--stored-controls": ""}, "give its .episode file as ROUTE"),
         ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
+        ({"--setting=": ""}, "there is no perturbation ''"),
+        ({"--run=": ""}, "there is no stored run named ''"),
     ],
     ids=lambda value: str(value)[:40],
 )

@@ -237,3 +237,5 @@ def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monke
     assert "there is no store 'nowhere'" in capsys.readouterr().err
     assert main(["store", "gc", "--older-than", "soon"]) == 4
     assert "--older-than is 'soon', expected a time such as 90s, 20m or 1.5h" in capsys.readouterr().err
+    assert main(["store", "gc", "--agent", "driver", "--older-than", ""]) == 4  # or all of it would go
+    assert "--older-than is '', expected a time such as 30d or 12h" in capsys.readouterr().err
