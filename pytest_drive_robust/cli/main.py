@@ -16,7 +16,7 @@ from pytest_drive_robust.registry.registry import default_registry
 
 COMMANDS = {
     "init": "write a starter suite, its limits and a workflow into your repository",
-    "list": "agents, failures, simulators, metrics and sets of routes, and where each comes from",
+    "list": "agents, perturbations, simulators, metrics and sets of routes, and where each comes from",
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "the runs that --drive-save stored",
     "compare": "is run B worse than run A? Exit code 1 when it is",
@@ -33,7 +33,8 @@ COMMANDS = {
     "store": "the finished episodes that runs keep for later ones",
 }
 """Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets
-the default `command`: a function of the parsed arguments that returns the exit code."""
+the default `command`: a function of the parsed arguments that returns the exit code. Where one line tells too
+little, it sets `parser.description`, too."""
 
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 _CUT_OFF = 1  # as rich has it, which prints the tables
@@ -80,7 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_CommandParser)
     for name, text in COMMANDS.items():
-        commands.add_parser(name, help=text).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
+        about = f"{text[0].upper()}{text[1:]}{'' if text.endswith('?') else '.'}"
+        commands.add_parser(
+            name, help=text, description=about
+        ).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
     return parser
 
 

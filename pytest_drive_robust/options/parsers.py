@@ -105,7 +105,7 @@ def writable_file(given: GivenText) -> Path | None:
     path = start_folder(given) / given.text
     if path.is_dir():
         example = f"{given.text}/run.{given.flag.rpartition('-')[2]}"
-        raise UsageError(f"{given.flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
+        raise UsageError(f"{given.flag} is {given.text!r}, which is a folder; expected a file, as in {example}.")
     if path.exists() and not path.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a pipe or a device; expected a file.")
     _require_writable(given, Path(os.path.realpath(path)))  # a link stays
@@ -128,7 +128,7 @@ def _require_writable(given: GivenText, path: Path) -> None:
     """Raise `UsageError` where `path` could not be written or made."""
     if not path.parent.is_dir():
         missing, similar = str(path.parent), _similar(path.parent)
-        raise UsageError(f"{given.flag} is {given.text!r}, but there is no directory {missing!r}.{similar}")
+        raise UsageError(f"{given.flag} is {given.text!r}, but there is no folder {missing!r}.{similar}")
     require_writable(given, path if path.is_dir() else path.parent)
 
 

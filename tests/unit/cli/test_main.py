@@ -120,6 +120,8 @@ def test_every_command_of_the_table_has_a_module_and_is_listed_by_help(capsys: p
         with pytest.raises(SystemExit) as left:
             main([name, "--help"])
         assert left.value.code == 0
+        after_usage = capsys.readouterr().out.partition("\n\n")[2]
+        assert after_usage[0].isupper(), f"{name} does not say what it does"
 
 
 def test_only_the_module_of_the_command_is_imported() -> None:

@@ -24,5 +24,6 @@ def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.Capture
     lines = capsys.readouterr().out.splitlines()
     assert [line.split()[0] for line in lines[:5]] == ["name", "zebra", "ant", "torn", "void"]
     assert lines[1].split()[-3:] == ["driver", "2", "80"]
+    assert "+" not in lines[1]  # the zone of the clock
     assert "torn.json' is not valid JSON" in lines[5]
     assert lines[6] == "the run 'void' is damaged: KeyError: 'agent'."

@@ -41,7 +41,7 @@ def test_a_seed_that_no_record_keeps_is_refused():
 
 @pytest.mark.parametrize("flag", ["--drive-json", "--json"])
 def test_a_folder_in_the_place_of_a_file_is_refused_with_a_file_in_it(tmp_path, flag):
-    with pytest.raises(UsageError, match=rf"{flag} is .* a directory; expected a file, as in {tmp_path}/run\.json"):
+    with pytest.raises(UsageError, match=rf"{flag} is .* a folder; expected a file, as in {tmp_path}/run\.json"):
         writable_file(GivenText(flag, str(tmp_path)))
 
 
@@ -53,7 +53,7 @@ def test_a_pipe_is_refused_and_a_link_is_looked_through(tmp_path):
         with pytest.raises(UsageError, match=r"--drive-json is '.*pipe', which is a pipe or a device; expected a file"):
             writable_file(GivenText("--drive-json", str(tmp_path / name)))
     (tmp_path / "link").symlink_to(Path("far", "file"))
-    with pytest.raises(UsageError, match=r"--drive-json is '.*link', but there is no directory '.*far'"):
+    with pytest.raises(UsageError, match=r"--drive-json is '.*link', but there is no folder '.*far'"):
         writable_file(GivenText("--drive-json", str(tmp_path / "link")))
     (tmp_path / "far").mkdir()
     assert writable_file(GivenText("--drive-json", str(tmp_path / "link"))) == tmp_path / "link"
