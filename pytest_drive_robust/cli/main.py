@@ -92,10 +92,21 @@ class _CommandParser(argparse.ArgumentParser):
     """The parser of one command. The command's module is imported when the command was given, and no other."""
 
     module = ""
+    _takes_turns = False
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
-        """Parse, after the module has added its arguments."""
+        """Parse, after the module has added its arguments.
+
+        Options may stand between words: before Python 3.12 a word that may be left out (DIR of `export`) is not found
+        behind them otherwise.
+        """
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
-        return super().parse_known_args(*arguments, **options)
+        if self._takes_turns or self.get_default("command") is None:  # the latter has commands of its own
+            return super().parse_known_args(*arguments, **options)
+        self._takes_turns = True
+        try:
+            return self.parse_known_intermixed_args(*arguments, **options)
+        finally:
+            self._takes_turns = False

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 
@@ -186,6 +187,17 @@ def test_a_store_that_cannot_be_written_is_refused_before_a_run_is_driven_for_it
     assert driven() == []
 
 
+def test_a_run_that_cannot_be_stored_at_its_end_is_not_green(suite, monkeypatch):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pytest_drive_robust.regression.references.write_whole", full)
+    result = run(suite(HOLDS), "--drive-save=before")
+    assert result.ret == 1
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["ERROR: the run was not stored: *No space left on device"])
+
+
 def test_a_run_of_another_simulator_is_refused_before_anything_was_driven(suite, driven):
     folder = suite(HOLDS)
     run(folder, "--drive-save=before")
@@ -244,6 +256,19 @@ def test_what_a_test_asks_for_in_its_body_is_compared_once_it_is_driven(suite):
     assert result.ret == 1
     result.stdout.fnmatch_lines(["NOT COMPARED with before: this run lacks routes of before: 2 of 3 under *"])
     assert "Drive these routes, too, or give" in result.stdout.str()
+    folder.makepyfile(
+        test_stated="""
+        import pytest
+        from pytest_drive_robust import requirements
+
+        @pytest.mark.parametrize("stated", requirements("DS under throttle 0.3 >= 1"))
+        def test_it(drive, stated):
+            drive.check(stated)
+        """
+    )
+    result = run(folder, "--drive-compare=before", "test_body.py", "test_stated.py")
+    assert result.ret == 0, "only what the other test asks for is in both runs"
+    result.stdout.fnmatch_lines(["no regression in 1 of 2 settings against before: not one score changed"])
 
 
 def test_another_time_of_standing_is_refused(suite, driven):

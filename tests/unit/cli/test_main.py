@@ -124,6 +124,21 @@ def test_every_command_of_the_table_has_a_module_and_is_listed_by_help(capsys: p
         assert after_usage[0].isupper(), f"{name} does not say what it does"
 
 
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["export", "nosuch", "--format", "csv", "folder"], "there is no stored run named 'nosuch'"),
+        (["routes", "draw", "dev10", "--size", "9", "301"], "--size is 9, expected 64 to 2048"),
+    ],
+)
+@pytest.mark.usefixtures("home")
+def test_words_that_may_be_left_out_stand_behind_options_too(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 4
+    assert told in capsys.readouterr().err
+
+
 def test_only_the_module_of_the_command_is_imported() -> None:
     program = (
         "import sys\n"

@@ -178,6 +178,10 @@ def test_the_command_verifies_and_sets_aside(store, capsys):
     told = capsys.readouterr().out
     assert f"{path}: its checksum does not fit" in told
     assert "4 episodes, 1 damaged" in told
+    (store.folder / "aside").touch()
+    assert run_cli(store, "verify", "--fix") == 1
+    assert "0 moved to" in capsys.readouterr().out
+    (store.folder / "aside").unlink()
     assert run_cli(store, "verify", "--fix") == 0
     assert not path.exists()
     assert run_cli(store, "verify") == 0
