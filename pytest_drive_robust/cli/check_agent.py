@@ -38,10 +38,12 @@ def _check_agent(options: argparse.Namespace) -> int:
     agent_identity(options.agent, registry)  # and weights that are not there
     factory = cast("AgentFactory", registry.entry("agents", options.agent).load())
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
-    routes = routes_for(options.routes or default_spec(DEFAULT_ROUTES, simulator, given=False), simulator)
+    chosen = options.routes is not None
+    spec = options.routes if chosen else default_spec(DEFAULT_ROUTES, simulator, given=False)
+    routes = routes_for(spec, simulator)
     kept = True
     try:
-        for number, route in enumerate(routes if options.routes else routes[:1], start=1):
+        for number, route in enumerate(routes if chosen else routes[:1], start=1):
             subject = f"{options.agent} on {route.label}"
             print(f"{subject}:", flush=True)
             report = check_agent(

@@ -40,9 +40,11 @@ def _init(options: argparse.Namespace) -> int:
         raise UsageError(
             f"{', '.join(there)} exist here and are not written over. Move them, or run in another folder."
         )
-    for path, name in wanted.items():
+    for path in wanted:  # before the first file: one that is there would be in the way of another try
         with refusing_unwritable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
+    for path, name in wanted.items():
+        with refusing_unwritable(path):
             path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
         say(f"{path}: written")
     say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-verdict point --drive-save")

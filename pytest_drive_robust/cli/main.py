@@ -16,7 +16,7 @@ from pytest_drive_robust.registry.registry import default_registry
 
 COMMANDS = {
     "init": "write a starter suite, its limits and a workflow into your repository",
-    "list": "agents, failures, simulators, metrics and sets of routes, and where each comes from",
+    "list": "agents, perturbations, simulators, metrics and sets of routes, and where each comes from",
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "the runs that --drive-save stored",
     "compare": "is run B worse than run A? Exit code 1 when it is",
@@ -33,20 +33,22 @@ COMMANDS = {
     "store": "the finished episodes that runs keep for later ones",
 }
 """Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets
-the default `command`: a function of the parsed arguments that returns the exit code."""
+the default `command`: a function of the parsed arguments that returns the exit code. Where one line tells too
+little, it sets `parser.description`, too."""
 
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 _CUT_OFF = 1  # as rich has it, which prints the tables
+_INTERRUPTED = 130  # a shell's, as 2 is a command line that does not parse
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
     Returns the exit code: 0; 1 when what was checked does not hold (a contract, a comparison, a stored record, a
-    replay, the doctor's list); 4 for input that cannot be used.
+    replay, the doctor's list); 4 for input that cannot be used; 130 after Ctrl-C.
     """
-    options = _parser().parse_args(arguments)
     try:
+        options = _parser().parse_args(arguments)
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`
             register_names_of(word, default_registry())
         code: int = options.command(options)
@@ -54,6 +56,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)
         return _USAGE_ERROR
+    except KeyboardInterrupt:
+        print("drive-robust: interrupted", file=sys.stderr)
+        return _INTERRUPTED
     except BrokenPipeError:  # as before `| head`; what is left is written nowhere
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _CUT_OFF
@@ -76,7 +81,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_CommandParser)
     for name, text in COMMANDS.items():
-        commands.add_parser(name, help=text).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
+        about = f"{text[0].upper()}{text[1:]}{'' if text.endswith('?') else '.'}"
+        commands.add_parser(
+            name, help=text, description=about
+        ).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
     return parser
 
 
@@ -84,10 +92,21 @@ class _CommandParser(argparse.ArgumentParser):
     """The parser of one command. The command's module is imported when the command was given, and no other."""
 
     module = ""
+    _takes_turns = False
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
-        """Parse, after the module has added its arguments."""
+        """Parse, after the module has added its arguments.
+
+        Options may stand between words: before Python 3.12 a word that may be left out (DIR of `export`) is not found
+        behind them otherwise.
+        """
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
-        return super().parse_known_args(*arguments, **options)
+        if self._takes_turns or self.get_default("command") is None:  # the latter has commands of its own
+            return super().parse_known_args(*arguments, **options)
+        self._takes_turns = True
+        try:
+            return self.parse_known_intermixed_args(*arguments, **options)
+        finally:
+            self._takes_turns = False

@@ -124,7 +124,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
         raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
-    sentence = options.setting or (stored.episode.setting if stored else "clean")
+    sentence = options.setting if options.setting is not None else stored.episode.setting if stored else "clean"
     seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
     check_seeds([seed], source="--seed")
     return _Wanted(

@@ -69,12 +69,12 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
     """
     if reference is None and episode is not None:
         return Before("the stored episode", True, episode=episode)
-    if reference is not None and Path(reference).is_dir():
+    if reference and Path(reference).is_dir():
         return Before(f"the folder {reference}", True, folder=Path(reference), episode=episode)
     path = _run_file(reference)
     if path is None:
         return None
-    label = f"the run {reference or path.stem}"
+    label = f"the run {path.stem if reference is None else reference}"
     try:
         document = read_document(path)
         digests, routes = _digests(document, path), _routes(document)
@@ -99,7 +99,7 @@ def _run_file(reference: str | None) -> Path | None:
     runs = StoredRuns(home_of(Path.cwd()))
     if reference is None and not runs.names():
         return None
-    path = run_file(runs, reference or "latest")
+    path = run_file(runs, "latest" if reference is None else reference)
     if not path.is_file():
         raise UsageError(f"--run is {reference!r}, but there is no such file or folder in {Path.cwd()}.")
     return path

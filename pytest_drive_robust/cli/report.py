@@ -19,6 +19,7 @@ from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.regression.references import project_store
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
+from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
 run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there
@@ -44,7 +45,7 @@ def _report(options: argparse.Namespace) -> int:
     registry, store = default_registry(), existing_store(options) if options.store else None
     records = RunRecords.stored(options.run, registry, store=store)
     comparison = before = None
-    if options.against:
+    if options.against is not None:
         after = snapshot_of(records.document, label=records.label)
         references = references_of(options)
         snapshot = references.load(options.against, simulator=after.simulator)
@@ -54,7 +55,9 @@ def _report(options: argparse.Namespace) -> int:
         if other is not None:
             find = stored_episodes(store or project_store())
             before = RunRecords.of(other, find, registry, label=snapshot.label)
-    page = write_pages(folder, records, comparison=comparison, before=before, films=_films(options.films))
+    films = _films(options.films)
+    with refusing_unwritable(folder):
+        page = write_pages(folder, records, comparison=comparison, before=before, films=films)
     say(f"report: {page}")
     return 0
 

@@ -10,6 +10,7 @@ from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
+from pytest_drive_robust.options.parsers import check_seeds
 from pytest_drive_robust.report.video import write_png
 from pytest_drive_robust.simulators.embedded.route_scene import describe_parameters, describe_road, telling_moment
 from pytest_drive_robust.simulators.embedded.route_sheet import draw_tile, lay_sheets
@@ -48,6 +49,7 @@ def draw_routes(options: argparse.Namespace, routes: Callable[[], Sequence[Route
     target = Path(options.output)
     if target.suffix.lower() != ".png":
         raise UsageError(f"--output is {options.output!r}, expected the name of a .png file.")
+    check_seeds([options.seed], source="--seed")
     if not 64 <= options.size <= 2048:
         raise UsageError(f"--size is {options.size}, expected 64 to 2048 pixels.")
     if options.columns is not None and options.columns < 1:

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     draw.set_defaults(command=_draw)
     text = f"a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id; default: {DEFAULT_ROUTES}"
     for command in (listing, check, draw):
-        command.add_argument("routes", nargs="?", metavar="SET", help=text)
+        command.add_argument("routes", nargs="?", default=DEFAULT_ROUTES, metavar="SET", help=text)
     draw.add_argument("ids", nargs="*", metavar="ID", help="only these of them")
 
 
@@ -70,7 +70,7 @@ def _draw(options: argparse.Namespace) -> int:
 
 
 def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
-    spec = options.routes or DEFAULT_ROUTES
+    spec: str = options.routes
     ids = getattr(options, "ids", ())
     if ids:
         spec = f"{spec}:{','.join(ids)}"

@@ -9,7 +9,7 @@ from typing import Any
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.document import read_document
+from pytest_drive_robust.regression.document import damaged, read_document
 from pytest_drive_robust.regression.references import StoredRuns, home_of
 
 
@@ -26,9 +26,9 @@ def _list(options: argparse.Namespace) -> int:
     for name in runs.names():
         try:
             rows.append(_row(name, read_document(runs.path / f"{name}.json")))
-        except UsageError as error:  # noqa: PERF203 - the others are listed all the same
+        except (UsageError, KeyError, TypeError) as error:  # noqa: PERF203 - the others are listed all the same
             rows.append((name, "not a run"))
-            problems.append(str(error))
+            problems.append(str(error if isinstance(error, UsageError) else damaged(name, error)))
     if not rows:
         print("no stored run. Store one with pytest --drive-robust --drive-save")
         return 0
@@ -43,4 +43,4 @@ def _row(name: str, document: Mapping[str, Any]) -> tuple[str, ...]:
     agents, settings = dict.fromkeys(row["agent"] for row in rows), {row["setting"] for row in rows}
     date = str(stored.get("date") or "").partition("+")[0]
     counts = str(len(settings)), str(len(document["episodes"]))
-    return name, date, stored.get("commit") or "", ", ".join(agents), *counts
+    return name, date, str(stored.get("commit") or ""), ", ".join(agents), *counts

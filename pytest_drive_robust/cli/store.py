@@ -90,7 +90,7 @@ def _verify(options: argparse.Namespace) -> int:
 
 def _gc(options: argparse.Namespace) -> int:
     folder = existing_store(options)
-    older_than_s = time_limit_s(GivenText("--older-than", options.older_than or ""))
+    older_than_s = None if options.older_than is None else _age_s(options.older_than)
     if options.agent:
         known = {agent for agent, _ in statistics(folder).by_agent}
         for agent in options.agent:
@@ -105,6 +105,14 @@ def _gc(options: argparse.Namespace) -> int:
         return 0
     print(f"{counted(len(swept.problems), 'file')} could not be removed, first {swept.problems[0]}")
     return 1
+
+
+def _age_s(text: str) -> float:
+    """Return an age in seconds. Raises `UsageError` for none, which would let new records go with the old ones."""
+    age_s = time_limit_s(GivenText("--older-than", text))
+    if age_s is None:
+        raise UsageError(f"--older-than is {text!r}, expected a time such as 30d or 12h.")
+    return age_s
 
 
 def existing_store(options: argparse.Namespace) -> Path:

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import field, fields
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
@@ -74,10 +74,17 @@ def options_of(cls: Any, name: str = "") -> tuple[Option, ...]:
 def read_fields(cls: Any, source: OptionSource) -> dict[str, Any]:
     """Return the values of all fields that are options. Raises `UsageError` for values that cannot be used."""
     return {
-        item.name: item.metadata[_PARSE](*(_given(option, source) for option in item.metadata[_OPTIONS]))
+        item.name: _parsed(item.metadata[_PARSE], [_given(option, source) for option in item.metadata[_OPTIONS]])
         for item in fields(cls)
         if _OPTIONS in item.metadata
     }
+
+
+def _parsed(parse: Callable[..., Any], given: Sequence[GivenText]) -> Any:
+    try:
+        return parse(*given)
+    except OSError as error:  # of a path, such as one that is too long
+        raise UsageError(f"{given[0].flag} is {given[0].text!r}, which cannot be used: {error.strerror}.") from None
 
 
 def was_given(option: Option, source: OptionSource) -> bool:
@@ -97,15 +104,16 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 def _text(option: Option, source: OptionSource) -> str:
     """Return the command line's value, else the ini file's, else nothing.
 
-    Raises `UsageError` for a blank value of an option that has a default: another agent would be judged, as where a
-    variable of CI is not set.
+    Raises `UsageError` for a blank value on the command line: another agent would be judged, or nothing be compared, as
+    where a variable of CI is not set.
     """
     value = source.getoption(option.name)
     if option.is_switch:
         return "on" if value else ""
-    if value is not None and option.default and not str(value).strip():
+    if value is not None and not str(value).strip():
+        usual = f", or {option.default!r}" if option.default else ""
         raise UsageError(
             f"{option.flag} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
-            f"says, or {option.default!r}."
+            f"says{usual}."
         )
     return str(source.getini(option.name) if value is None else value).strip()

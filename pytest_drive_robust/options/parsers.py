@@ -92,10 +92,10 @@ def gigabytes(given: GivenText) -> int | None:
     """Return gigabytes > 0, as in `"4"`, in bytes, None for nothing."""
     if not given.text:
         return None
-    value = _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
-    if not (math.isfinite(value) and int(value * 1e9) > 0):
+    value_bytes = 1e9 * _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
+    if not 1.0 <= value_bytes < 2.0**63:  # what the system takes
         raise UsageError(f"{given.flag} is {given.text!r}, expected gigabytes > 0, as in {given.flag} 4.")
-    return int(value * 1e9)
+    return int(value_bytes)
 
 
 def writable_file(given: GivenText) -> Path | None:
@@ -104,8 +104,8 @@ def writable_file(given: GivenText) -> Path | None:
         return None
     path = start_folder(given) / given.text
     if path.is_dir():
-        example = f"{given.text}/run{given.flag.replace('--drive-', '.')}"
-        raise UsageError(f"{given.flag} is {given.text!r}, which is a directory; expected a file, as in {example}.")
+        example = f"{given.text}/run.{given.flag.rpartition('-')[2]}"
+        raise UsageError(f"{given.flag} is {given.text!r}, which is a folder; expected a file, as in {example}.")
     if path.exists() and not path.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a pipe or a device; expected a file.")
     _require_writable(given, Path(os.path.realpath(path)))  # a link stays
@@ -128,9 +128,14 @@ def _require_writable(given: GivenText, path: Path) -> None:
     """Raise `UsageError` where `path` could not be written or made."""
     if not path.parent.is_dir():
         missing, similar = str(path.parent), _similar(path.parent)
-        raise UsageError(f"{given.flag} is {given.text!r}, but there is no directory {missing!r}.{similar}")
-    place = path if path.is_dir() else path.parent
-    if not os.access(place, os.W_OK):
+        raise UsageError(f"{given.flag} is {given.text!r}, but there is no folder {missing!r}.{similar}")
+    require_writable(given, path if path.is_dir() else path.parent)
+
+
+def require_writable(given: GivenText, folder: Path) -> None:
+    """Raise `UsageError` where nothing could be put into a folder, nor the folder be made where it is not there."""
+    place = next(place for place in (folder, *folder.parents) if place.exists())
+    if not (place.is_dir() and os.access(place, os.W_OK)):
         raise UsageError(f"{given.flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
 
 

@@ -21,7 +21,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, 
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
-_NARROWING = ("keyword", "markexpr", "deselect", "ignore", "ignore_glob", "lf", "stepwise")
+_NARROWING = ("ignore", "ignore_glob", "lf")  # what leaves files out, of which `pytest_deselected` hears nothing
 
 
 class ReportingPlugin:

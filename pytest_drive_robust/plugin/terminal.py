@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 from collections.abc import Iterator
@@ -13,6 +14,9 @@ import pytest
 
 from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
+
+_DUMB = ("dumb", "unknown")
+"""What `TERM` says of terminals without movements, as rich has it, which draws."""
 
 
 @contextmanager
@@ -34,11 +38,15 @@ def columns_of_screen(reporter: pytest.TerminalReporter) -> int:
     return shutil.get_terminal_size((WIDTH, 24)).columns if reporter.isatty else WIDTH
 
 
-def progress_for(config: Any) -> Progress:
-    """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`."""
-    reporter = config.pluginmanager.getplugin("terminalreporter")
+def progress_for(config: pytest.Config) -> Progress:
+    """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`.
+
+    A dumb terminal cannot take a line back.
+    """
+    reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is None or config.getoption("verbose") < 0:
         return Progress()
-    capture = config.pluginmanager.getplugin("capturemanager")
+    capture = config.pluginmanager.get_plugin("capturemanager")
     screen = partial(uncaptured_screen, reporter, capture, config.get_terminal_writer())
-    return LiveProgress(screen) if reporter.isatty else PlainProgress(screen)
+    draws = reporter.isatty and os.environ.get("TERM") not in _DUMB
+    return LiveProgress(screen) if draws else PlainProgress(screen)

@@ -14,9 +14,9 @@ agents take options there, the parameters of their factories: `blind:speed=8` (s
 from __future__ import annotations
 
 import functools
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
@@ -295,7 +295,7 @@ def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
     import importlib.util
 
     close = nearest(bare, [name for name in known if known[name][0].argument])
-    here = Path(f"{bare}.py").exists() or Path(bare).exists()  # the current folder may not be on sys.path yet
+    here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
     return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
 
 

@@ -106,7 +106,10 @@ def read_baseline(path: Path) -> Baseline:
             for setting, routes in settings.items()
             for route_id, item in routes.items()
         }
-        return Baseline(document["agent"], blessings, routes)
+        agent = document["agent"]
+        if not isinstance(agent, str):
+            raise TypeError(f"agent is {agent!r}, expected its name")
+        return Baseline(agent, blessings, routes)
     except OSError as error:
         raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -133,7 +136,10 @@ def _blessing(item: Mapping[str, Any]) -> Blessing:
 def _blessed_route(route_id: str, item: Mapping[str, Any], blessings: Mapping[str, Blessing]) -> BlessedRoute:
     fields = {**item, "seeds": tuple(item["seeds"])}
     blessing = fields.pop("blessing")
-    return BlessedRoute(blessing, RouteScore(route_id, fingerprint=blessings[blessing].fingerprint, **fields))
+    score = RouteScore(route_id, fingerprint=blessings[blessing].fingerprint, **fields)
+    if not (0.0 <= score.ds <= 100.0 and 0.0 <= score.sr <= 1.0):  # people edit the file, and git merges it
+        raise ValueError(f"route {route_id!r} has ds={score.ds!r} and sr={score.sr!r}, expected 0 to 100 and 0 to 1")
+    return BlessedRoute(blessing, score)
 
 
 def _blessing_json(blessing: Blessing) -> dict[str, object]:

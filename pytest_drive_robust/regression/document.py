@@ -17,6 +17,9 @@ from pytest_drive_robust.verdict.explain import describe_outcome
 
 _SCHEMA = 1
 """The `schema` of the runs that are understood here."""
+_OBJECTS = ("settings", "versions", "fingerprint", "stored")
+_LISTS = ("summaries", "episodes", "requirements", "searches", "notes")
+"""The parts of a document. Runs that were saved before a part was told lack it, and `stored` may be null."""
 _NOT_YET_TOLD: Mapping[str, Any] = {
     "speed_ratios_pct": (),
     "schedule": (),
@@ -40,14 +43,19 @@ def read_document(path: Path) -> dict[str, Any]:
         raise UsageError(f"the run {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:
         raise UsageError(f"the run {str(path)!r} is not valid JSON: {error}.") from None
-    known = ("settings", "summaries", "episodes")
-    if not isinstance(document, dict) or any(name not in document for name in known):
+    except RecursionError as error:
+        raise damaged(str(path), error) from None
+    if not isinstance(document, dict) or any(name not in document for name in ("settings", "summaries", "episodes")):
         raise UsageError(f"{str(path)!r} is not a run: expected a file written by --drive-save or --drive-json.")
     if document.get("schema") != _SCHEMA:
         raise UsageError(
             f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {_SCHEMA}. "
             "Drive it again."
         )
+    wrong = [name for name in _OBJECTS if not isinstance(document.get(name), (dict, type(None)))]
+    wrong += [name for name in _LISTS if not isinstance(document.get(name, []), list)]
+    if wrong:
+        raise UsageError(f"the run {str(path)!r} is damaged: it has something else under {wrong[0]!r} than runs have.")
     return document
 
 
@@ -112,7 +120,7 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
             told += (f"{left} {'episode was' if left == 1 else 'episodes were'} not driven, as the run ended before",)
         cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
-    return Snapshot(label, cells, date=stored.get("date") or "", commit=stored.get("commit") or "")
+    return Snapshot(label, cells, date=str(stored.get("date") or ""), commit=str(stored.get("commit") or ""))
 
 
 def _stopped_early(row: Mapping[str, Any]) -> bool:

@@ -7,16 +7,22 @@ from pathlib import Path
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
-from pytest_drive_robust.options.parsers import start_folder
+from pytest_drive_robust.options.parsers import require_writable, start_folder
 from pytest_drive_robust.regression.allowance import Allowance, parse_allowances
 from pytest_drive_robust.regression.fingerprint import MismatchPolicy, parse_policy
-from pytest_drive_robust.regression.references import AUTO, BASELINES, check_run_name, names_file
+from pytest_drive_robust.regression.references import AUTO, BASELINES, StoredRuns, check_run_name, names_file
 
 
 def _save(given: GivenText) -> str:
-    """Refuse a folder: `--drive-save suites` takes the one that was meant to be collected."""
-    if given.text in ("", AUTO):
-        return given.text
+    """Refuse a folder: `--drive-save suites` takes the one that was meant to be collected.
+
+    What could not be stored at the end is refused now.
+    """
+    if not given.text:
+        return ""
+    require_writable(given, StoredRuns(_root(given).absolute()).path)
+    if given.text == AUTO:
+        return AUTO
     if Path(given.text).is_dir():
         raise UsageError(
             f"{given.flag} is {given.text!r}, which is a folder here. If it was meant as a path to collect, put it "

@@ -37,10 +37,10 @@ def plain(output: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", output)
 
 
-def run_on_a_terminal(folder, *args, columns=100):
+def run_on_a_terminal(folder, *args, columns=100, term="xterm-256color"):
     """What a terminal would be sent, and the exit code. The run is slow until the line was seen."""
     main, other = pty.openpty()
-    environment = {**os.environ, "COLUMNS": str(columns), "TERM": "xterm-256color"}
+    environment = {**os.environ, "COLUMNS": str(columns), "TERM": term}
     command = [sys.executable, "-m", "pytest", "--drive-robust", "--drive-agent", "slow", *args]
     with subprocess.Popen(
         command, cwd=folder.path, stdout=other, stderr=other, stdin=other, env=environment
@@ -73,6 +73,15 @@ def test_a_terminal_shows_how_far_the_run_is(suite, workers):
     assert "captured agent output" not in text
     assert "\x1b[2K" in output, "the line is erased"
     assert re.search(r"slow +clean +100\.00", text), text
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")
+def test_a_terminal_that_cannot_take_a_line_back_is_given_plain_ones(suite):
+    folder = suite("RD under throttle 0.5 <= 0.90", conftest=SLOW)
+    output, code = run_on_a_terminal(folder, "--drive-agent", "steady", term="dumb")
+    assert code == 0, output
+    assert "drive-robust: steady under clean done, 3/6 episodes" in output
+    assert "\x1b" not in output
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a pseudo terminal")

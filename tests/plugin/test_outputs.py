@@ -87,7 +87,7 @@ def test_an_episode_without_a_score_has_empty_cells(suite):
 def test_a_csv_file_that_cannot_be_written_is_refused_before_anything_is_driven(suite, driven):
     result = run(suite("DS under clean >= 90"), "--drive-csv", "nowhere/run.csv")
     assert result.ret == 4
-    result.stderr.fnmatch_lines(["*--drive-csv is 'nowhere/run.csv', but there is no directory*"])
+    result.stderr.fnmatch_lines(["*--drive-csv is 'nowhere/run.csv', but there is no folder*"])
     assert driven() == []
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 
@@ -155,6 +156,10 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
+        (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
+        (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
+        (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
+        (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' of agents from module aaa"),
         (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
@@ -164,13 +169,33 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-b2d-python=python3",), "--drive-b2d-python needs --drive-sim bench2drive"),
         (("--drive-sim=bench2driv",), "there is no simulator named 'bench2driv'. Did you mean 'bench2drive'?"),
     ],
-    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+    ids=lambda value: " ".join(value)[:40] if isinstance(value, tuple) else "",
 )
 def test_what_cannot_be_used_is_refused_before_anything_was_driven(suite, driven, args, told):
     result = run(suite(HOLDS), *args)
     assert result.ret == 4
     assert told in "\n".join((*result.outlines, *result.errlines))
     assert driven() == []
+
+
+def test_a_store_that_cannot_be_written_is_refused_before_a_run_is_driven_for_it(suite, driven):
+    folder = suite(HOLDS)
+    (folder.path / ".drive-robust").write_text("a file")
+    result = run(folder, "--drive-store=off", "--drive-save")
+    assert result.ret == 4
+    result.stderr.fnmatch_lines(["*--drive-save is 'auto', but '*.drive-robust' cannot be written to."])
+    assert driven() == []
+
+
+def test_a_run_that_cannot_be_stored_at_its_end_is_not_green(suite, monkeypatch):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("pytest_drive_robust.regression.references.write_whole", full)
+    result = run(suite(HOLDS), "--drive-save=before")
+    assert result.ret == 1
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["ERROR: the run was not stored: *No space left on device"])
 
 
 def test_a_run_of_another_simulator_is_refused_before_anything_was_driven(suite, driven):
@@ -231,6 +256,19 @@ def test_what_a_test_asks_for_in_its_body_is_compared_once_it_is_driven(suite):
     assert result.ret == 1
     result.stdout.fnmatch_lines(["NOT COMPARED with before: this run lacks routes of before: 2 of 3 under *"])
     assert "Drive these routes, too, or give" in result.stdout.str()
+    folder.makepyfile(
+        test_stated="""
+        import pytest
+        from pytest_drive_robust import requirements
+
+        @pytest.mark.parametrize("stated", requirements("DS under throttle 0.3 >= 1"))
+        def test_it(drive, stated):
+            drive.check(stated)
+        """
+    )
+    result = run(folder, "--drive-compare=before", "test_body.py", "test_stated.py")
+    assert result.ret == 0, "only what the other test asks for is in both runs"
+    result.stdout.fnmatch_lines(["no regression in 1 of 2 settings against before: not one score changed"])
 
 
 def test_another_time_of_standing_is_refused(suite, driven):

@@ -36,7 +36,7 @@ def test_a_run_that_is_compared_shows_both(suite):
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [(".", "which holds other things"), ("missing/look", "there is no directory"), ("conftest.py", "which is a file")],
+    [(".", "which holds other things"), ("missing/look", "there is no folder"), ("conftest.py", "which is a file")],
 )
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_ran(suite, driven, given, message):
     folder = suite("DS under clean >= 90")

@@ -308,6 +308,12 @@ def test_collect_only_drives_nothing_and_is_green(suite, driven, workers):
     assert driven() == []
 
 
+@pytest.mark.parametrize("option", ["--setup-plan", "--setup-only", "--fixtures-per-test"])
+def test_looking_at_fixtures_drives_nothing_and_is_green(suite, driven, option):
+    assert run(suite(GREEN), option).ret == 0
+    assert driven() == []
+
+
 def test_requirements_are_selected_by_their_ids(suite):
     result = run(suite(GREEN, RED), "-k", "throttle-0.9")
     result.assert_outcomes(passed=1, deselected=1)

@@ -64,8 +64,8 @@ def test_a_value_that_an_agent_would_not_take_is_refused_before_anything_ran(sui
         (("--drive-seeds", "1,1"), "holds seed 1 twice"),
         (("--drive-metrics", "bench2drve"), "Did you mean 'bench2drive'?"),
         (("--drive-stuck-stop", "-3"), "expected seconds > 0"),
-        (("--drive-json", "missing/run.json"), "there is no directory"),
-        (("--drive-json", "."), "which is a directory"),
+        (("--drive-json", "missing/run.json"), "there is no folder"),
+        (("--drive-json", "."), "which is a folder"),
     ],
     ids=lambda value: value[0][8:] + value[1] if isinstance(value, tuple) else "",
 )

@@ -155,6 +155,14 @@ def test_a_waiver_is_warned_about_by_whether_an_option_leaves_tests_out(waived, 
     assert any(line.startswith("warning: ") and "waiver" in line for line in lines) is warns
 
 
+def test_a_waiver_is_not_warned_about_where_the_first_failure_ended_the_run(waived):
+    late = "RD under throttle 0.4 <= 0.30"
+    folder = waived("DS under throttle 0.5 >= 99", late, requirement=late)
+    result = run(folder, "-x")
+    assert result.ret == 1
+    result.stdout.no_fnmatch_line("warning: *waiver*")
+
+
 @pytest.mark.parametrize(
     ("mode", "told"),
     [
@@ -205,6 +213,7 @@ def test_the_failure_is_a_skip_with_its_reason_in_junit(waived):
     text = (folder.path / "junit.xml").read_text()
     assert 'failures="0"' in text
     assert "waived by kim until 2999-01-01: new planner" in text
+    assert 'name="drive_waived" value="waived by kim until 2999-01-01: new planner"' in text
 
 
 def test_a_waiver_that_cannot_be_read_is_refused_before_anything_was_driven(waived, driven):

@@ -39,6 +39,7 @@ _EXIT_CODES = (
     (pytest.ExitCode.INTERNAL_ERROR, "a bug of ours", "none"),
     (pytest.ExitCode.USAGE_ERROR, "input that makes no sense; nothing was driven", "input that makes no sense"),
     (pytest.ExitCode.NO_TESTS_COLLECTED, "no test was collected", "none"),
+    (130, "none", "interrupted"),
 )
 
 
@@ -83,7 +84,7 @@ def commands() -> str:
     for name, what in cli.COMMANDS.items():
         parser = argparse.ArgumentParser(f"drive-robust {name}")
         importlib.import_module(f"pytest_drive_robust.cli.{name.replace('-', '_')}").add_arguments(parser)
-        lines += [*heading(f"drive-robust {name}", "-"), "", f"{escaped(what)[0].upper()}{escaped(what)[1:]}.", ""]
+        lines += [*heading(f"drive-robust {name}", "-"), "", _sentence(f"{what[0].upper()}{what[1:]}"), ""]
         lines += _command(parser)
     return "\n".join(lines)
 
@@ -120,11 +121,14 @@ def _keyed() -> list[Option]:
     return [option for option in OPTIONS.values() if not option.is_switch]
 
 
+def _sentence(text: str) -> str:
+    return escaped(text) + ("" if text.endswith("?") else ".")
+
+
 def _option(option: Option) -> Iterator[str]:
     value = f"[={option.metavar}]" if option.bare else f" {option.metavar}".rstrip()
     yield from [f".. option:: {option.flag}{value}", ""]
-    told = escaped(option.help)
-    yield from [f"   {told}{'' if told.endswith('?') else '.'}", ""]
+    yield from [f"   {_sentence(option.help)}", ""]
     if not option.is_switch:
         default = f"Default: ``{option.default}``. " if option.default else ""
         yield from [f"   {default}Ini key: ``{option.name}``.", ""]
@@ -141,7 +145,7 @@ def _command(parser: argparse.ArgumentParser) -> Iterator[str]:
         if isinstance(action, argparse._SubParsersAction):
             helps = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, child in action.choices.items():
-                yield from [*heading(child.prog, "~"), "", f"{escaped(helps.get(name, ''))}.", "", *_command(child)]
+                yield from [*heading(child.prog, "~"), "", _sentence(helps.get(name, "")), "", *_command(child)]
         elif action.help != argparse.SUPPRESS and not isinstance(action, argparse._HelpAction):
             value = action.metavar or ("{" + ",".join(action.choices) + "}" if action.choices else "")
             flags = [f"{flag} {value}".strip() for flag in action.option_strings]

@@ -34,6 +34,22 @@ def test_a_blessed_run_is_a_reference_for_later_ones(capsys: pytest.CaptureFixtu
     assert main(["compare", "suites/baselines/driver.json", "b"]) == 1
 
 
+def test_other_routes_take_the_place_of_blessed_ones_only_where_that_is_asked_for(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    store_run("many")
+    store_run("few", routes=20, digest="d1")
+    assert main(["bless", "many", "--reason", "first"]) == 0
+    assert main(["bless", "few", "--reason", "changed"]) == 4
+    assert "Give --replace-routes when the routes were changed on purpose." in capsys.readouterr().err
+    assert main(["bless", "few", "--reason", "changed", "--replace-routes"]) == 0
+    told = capsys.readouterr().out
+    assert "0 scores added, 40 replaced, 40 others kept\n" in told
+    assert "40 of the kept ones are of other routes under the same settings" in told
+    assert main(["bless", "few", "--reason", "these alone", "--only"]) == 0
+    assert "0 scores added, 40 replaced, 0 others kept, 40 dropped" in capsys.readouterr().out
+
+
 def test_nobody_is_made_up_where_git_knows_nobody() -> None:
     store_run("a")
     assert main(["bless", "a", "--reason", "why"]) == 0

@@ -52,12 +52,27 @@ def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]
     assert capsys.readouterr().out.count("keeps the contract") == 2
 
 
+def test_one_route_on_which_the_contract_is_broken_is_enough(
+    agents_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second = (route.id for route in resolve_routes("full")[:2])
+    (agents_folder / "picky.py").write_text(
+        "from cli_agents import Good\n"
+        "class Picky(Good):\n"
+        "    def reset(self, route, seed): self.route = route.id\n"
+        f"    def act(self, observation): return None if self.route == '{first}' else super().act(observation)\n"
+    )
+    assert main(["check-agent", "picky:Picky", "--sim", FAKE, "--routes", f"{first},{second}"]) == 1
+    assert "breaks the contract" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
         (["nobody"], "no agent named 'nobody'"),
         (["cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
         (["cli_agents:Good", "--sim", FAKE, "--routes", "dev11"], "Did you mean 'dev10'"),
+        (["cli_agents:Good", "--sim", FAKE, "--routes", ""], "no routes were named"),
     ],
 )
 def test_what_cannot_be_checked_exits_with_4(

@@ -59,6 +59,13 @@ def test_it_never_writes_over_a_file_and_then_writes_none(there: str, capsys: py
     assert there in capsys.readouterr().err
 
 
+def test_where_the_workflow_cannot_be_written_nothing_is(capsys: pytest.CaptureFixture[str]) -> None:
+    Path(".github").write_text("a file")
+    assert main(["init", "--ci", "github"]) == 4
+    assert written() == [".github"]
+    assert "cannot write '.github/workflows/robustness.yml': Not a directory." in capsys.readouterr().err
+
+
 def test_what_it_wrote_is_driven_and_keeps_the_limits_that_are_proposed(
     pytester: pytest.Pytester, monkeypatch: pytest.MonkeyPatch, plugin_args: tuple[str, ...]
 ) -> None:

@@ -120,6 +120,23 @@ def test_every_command_of_the_table_has_a_module_and_is_listed_by_help(capsys: p
         with pytest.raises(SystemExit) as left:
             main([name, "--help"])
         assert left.value.code == 0
+        after_usage = capsys.readouterr().out.partition("\n\n")[2]
+        assert after_usage[0].isupper(), f"{name} does not say what it does"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["export", "nosuch", "--format", "csv", "folder"], "there is no stored run named 'nosuch'"),
+        (["routes", "draw", "dev10", "--size", "9", "301"], "--size is 9, expected 64 to 2048"),
+    ],
+)
+@pytest.mark.usefixtures("home")
+def test_words_that_may_be_left_out_stand_behind_options_too(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 4
+    assert told in capsys.readouterr().err
 
 
 def test_only_the_module_of_the_command_is_imported() -> None:
@@ -133,6 +150,17 @@ def test_only_the_module_of_the_command_is_imported() -> None:
     assert done.stdout.splitlines()[-1].split() == [
         f"pytest_drive_robust.cli.{name}" for name in ("main", "runs", "tables")
     ]
+
+
+def test_ctrl_c_ends_a_command_with_a_word_and_the_exit_code_of_a_shell(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(*arguments: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pytest_drive_robust.cli.list.print_table", interrupted)
+    assert main(["list", "agents"]) == 130
+    assert capsys.readouterr().err == "drive-robust: interrupted\n"
 
 
 @pytest.mark.parametrize("words", [["doctor"], ["list", "agents"]], ids=["lines", "table"])

@@ -242,6 +242,9 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
     assert main([*GOOD, *LATE, "--no-video"]) == 0
     assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
+    os.utime(runs / "later.json", (9, 9))
+    assert main([*GOOD, *LATE, "--no-video"]) == 0, "nobody asked whether it is the same"
+    assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
 
 
 def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -287,6 +290,24 @@ def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(
     shown = capsys.readouterr().out
     assert "clean: DIFFERS from the folder store" in shown
     assert "clean: as in the folder store, bit for bit" in shown
+
+
+def test_where_it_drives_otherwise_than_all_of_a_store_the_newest_is_told_of(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.record_files import read_episode
+
+    path = stored(folder, "clean")
+    result = read_episode(path)
+    for changed_s, age_s in ((1.0, 1), (0.5, 9), (1.5, 5)):
+        rows = result.trace.rows.copy()
+        rows[round(changed_s / result.dt_s) - 1 :, 0] += 0.25
+        earlier = path.with_stem(f"drive-{age_s}")
+        write_episode(earlier, replace(result, trace=replace(result.trace, rows=rows)))
+        os.utime(earlier, (age_s, age_s))
+    path.unlink()
+    assert main([*GOOD, "--no-video", "--run", "run"]) == 1
+    assert "clean: DIFFERS from the folder run from 0.50 s on" in capsys.readouterr().out
 
 
 def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -354,6 +375,8 @@ def test_stored_controls_are_driven_again_without_the_agent(
         ({"--tick-cap": "0"}, "expected at least 1"),
         ({"--seed": "0", "--stored-controls": ""}, "give its .episode file as ROUTE"),
         ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
+        ({"--setting=": ""}, "there is no perturbation ''"),
+        ({"--run=": ""}, "there is no stored run named ''"),
     ],
     ids=lambda value: str(value)[:40],
 )

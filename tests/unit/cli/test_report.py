@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+
 import pytest
 from report_pages import data_of
 from stored_runs import store_run
@@ -55,6 +57,7 @@ def test_against_a_run_of_more_routes_compares_on_request_only(tmp_path):
     [
         (["on"], "Did you mean 'one'?"),
         (["one", "--against", "tw"], "there is no stored run named 'tw'"),
+        (["one", "--against", ""], "there is no stored run named ''"),
         (["one", "--out", "."], "holds other things"),
         (["one", "--films", "films"], "--films is 'films'"),
     ],
@@ -64,6 +67,16 @@ def test_what_cannot_be_used_is_refused(capsys, arguments, message):
     store_run("one")
     assert main(["report", *arguments]) == 4
     assert message in capsys.readouterr().err
+
+
+def test_a_disk_that_is_full_is_told_with_the_folder(monkeypatch, capsys):
+    def full(*arguments):
+        raise OSError(errno.ENOSPC, "No space left on device")  # as write() has it, without a name
+
+    store_run("one")
+    monkeypatch.setattr("pytest_drive_robust.store.whole_file.os.write", full)
+    assert main(["report", "one", "--out", "pages"]) == 4
+    assert "cannot write 'pages': No space left on device." in capsys.readouterr().err
 
 
 def test_films_come_along(tmp_path):

@@ -63,6 +63,8 @@ def test_a_long_list_goes_on_on_a_second_sheet(
         (["list", "999999"], "no route in full named '999999'"),
         (["draw", "dev10", "-o", "sheet.jpg"], "expected the name of a .png file"),
         (["draw", "dev10", "-o", "nowhere/sheet.png"], "there is no folder 'nowhere'"),
+        (["check", ""], "no routes were named"),
+        (["draw", "dev10", "--seed", "-1"], "--seed holds -1, expected whole numbers >= 0"),
         (["draw", "dev10", "--size", "9"], "--size is 9, expected 64 to 2048"),
         (["draw", "dev10", "--columns", "0"], "--columns is 0, expected at least 1"),
     ],

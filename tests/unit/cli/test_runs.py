@@ -19,8 +19,11 @@ def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.Capture
     os.utime(first, (1, 1))
     os.utime(second, (2, 2))
     (first.parent / "torn.json").write_text("{")
+    (first.parent / "void.json").write_text('{"schema": 1, "settings": {}, "summaries": [{}], "episodes": []}')
     assert main(["runs", "list"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines[:4]] == ["name", "zebra", "ant", "torn"]
+    assert [line.split()[0] for line in lines[:5]] == ["name", "zebra", "ant", "torn", "void"]
     assert lines[1].split()[-3:] == ["driver", "2", "80"]
-    assert "torn.json' is not valid JSON" in lines[4]
+    assert "+" not in lines[1]  # the zone of the clock
+    assert "torn.json' is not valid JSON" in lines[5]
+    assert lines[6] == "the run 'void' is damaged: KeyError: 'agent'."

@@ -38,6 +38,12 @@ Current thread 0x00007f (most recent call first):
             Blame.OURS,
             "killed by SIGKILL before the episode began",
         ),
+        (
+            StateReading(Phase.MAKE, 0, 0.0, 0.0),
+            int(signal.SIGKILL),
+            Blame.OUTSIDE,
+            "killed by SIGKILL in its constructor at tick 0 (perhaps out of memory)",
+        ),
         (ACT, 71 << 8, Blame.AGENT, "closed the descriptors of its process in act at tick 12"),
         (StateReading(Phase.MAKE, 0, 0.0, 0.0), 1 << 8, Blame.AGENT, "exit code 1 in its constructor at tick 0"),
     ],

@@ -13,8 +13,18 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from pytest_drive_robust.engine.messages import TOKEN_BYTES, answer_bytes, read_answer, receive, refusal
+from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.engine.messages import (
+    TOKEN_BYTES,
+    WorkerRequest,
+    answer_bytes,
+    read_answer,
+    receive,
+    refusal,
+)
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.testing import fake_route
 
 TOKEN = b"t" * TOKEN_BYTES
 MESSAGE = (TOKEN, b"what was driven")
@@ -87,6 +97,16 @@ def test_what_is_no_answer_is_refused() -> None:
     for payload in (b"", b"1234", b"\1\0no record", b"\1\1", b"\1\1no JSON", b"\1\1[]", b"\1\1{}", b"\1\0017"):
         with pytest.raises(ValueError, match=r"."):
             read_answer(payload)
+
+
+def test_a_setting_that_reads_otherwise_in_the_worker_is_refused() -> None:
+    def asked(sentence: str) -> WorkerRequest:
+        return WorkerRequest(Episode("driver", "1", sentence, 0), fake_route("1"), "code of the agent")
+
+    assert str(asked("200 ms latency").read(Registry()).setting) == "200 ms latency"
+    for sentence in ("200.0 ms latency", "a failure of somebody's 0.5"):
+        with pytest.raises(UsageError, match="cannot be sent to the process that drives the episode"):
+            asked(sentence).read(Registry())
 
 
 def test_a_usage_error_keeps_its_class_and_its_text() -> None:

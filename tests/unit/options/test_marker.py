@@ -35,6 +35,9 @@ def test_seeds_may_be_one_number_or_several(seeds):
         ({"seeds": []}, "at least one seed"),
         ({"reading": "relesed"}, r"Did you mean 'released'.*the marker drive_robust\(reading='relesed'\)"),
         ({"reading": 2}, "reading=2, expected text"),
+        ({"verdict": "evidance"}, "Did you mean 'evidence'"),
+        ({"margin": 2}, "margin is 2, expected a number between 0 and 1"),
+        ({"margin": "much"}, "margin is 'much', expected a number"),
     ],
 )
 def test_what_a_mark_cannot_mean_is_refused(options, message):

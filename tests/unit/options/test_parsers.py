@@ -39,6 +39,12 @@ def test_a_seed_that_no_record_keeps_is_refused():
             seed_list(GivenText("--drive-seeds", f"0,{seed}"))
 
 
+@pytest.mark.parametrize("flag", ["--drive-json", "--json"])
+def test_a_folder_in_the_place_of_a_file_is_refused_with_a_file_in_it(tmp_path, flag):
+    with pytest.raises(UsageError, match=rf"{flag} is .* a folder; expected a file, as in {tmp_path}/run\.json"):
+        writable_file(GivenText(flag, str(tmp_path)))
+
+
 @pytest.mark.skipif(os.name == "nt", reason="neither is there")
 def test_a_pipe_is_refused_and_a_link_is_looked_through(tmp_path):
     os.mkfifo(tmp_path / "pipe")
@@ -47,7 +53,7 @@ def test_a_pipe_is_refused_and_a_link_is_looked_through(tmp_path):
         with pytest.raises(UsageError, match=r"--drive-json is '.*pipe', which is a pipe or a device; expected a file"):
             writable_file(GivenText("--drive-json", str(tmp_path / name)))
     (tmp_path / "link").symlink_to(Path("far", "file"))
-    with pytest.raises(UsageError, match=r"--drive-json is '.*link', but there is no directory '.*far'"):
+    with pytest.raises(UsageError, match=r"--drive-json is '.*link', but there is no folder '.*far'"):
         writable_file(GivenText("--drive-json", str(tmp_path / "link")))
     (tmp_path / "far").mkdir()
     assert writable_file(GivenText("--drive-json", str(tmp_path / "link"))) == tmp_path / "link"
@@ -79,6 +85,12 @@ def test_a_time_limit_that_is_no_time_is_refused(text):
 @pytest.mark.parametrize(("text", "expected"), [("", None), ("4", 4 * 10**9), ("0.5 GB", 5 * 10**8), ("2g", 2 * 10**9)])
 def test_gigabytes_become_bytes(text, expected):
     assert gigabytes(GivenText("--drive-memory", text)) == expected
+
+
+@pytest.mark.parametrize("text", ["0", "-1", "1e-10", "1e300", "1e15", "nan", "much"])
+def test_gigabytes_that_no_process_can_have_are_refused(text):
+    with pytest.raises(UsageError, match=r"--drive-memory is .*, expected gigabytes > 0"):
+        gigabytes(GivenText("--drive-memory", text))
 
 
 def test_a_name_that_is_not_known_is_refused_with_the_nearest():

@@ -103,7 +103,7 @@ def test_a_store_of_the_command_line_starts_from_the_folder_that_pytest_was_call
     assert RunOptions.from_pytest_config(FakeConfig(ini, drive_store="off", **folders)).store == "off"
 
 
-@pytest.mark.parametrize(("text", "stop_s"), [("none", None), ("", None), ("2.5", 2.5)])
+@pytest.mark.parametrize(("text", "stop_s"), [("none", None), (None, None), ("2.5", 2.5)])
 def test_a_stuck_stop_can_be_turned_off(text, stop_s):
     assert RunOptions.from_pytest_config(FakeConfig(drive_stuck_stop=text)).stuck_stop_s == stop_s
 
@@ -112,6 +112,15 @@ def test_a_stuck_stop_can_be_turned_off(text, stop_s):
 def test_a_stuck_stop_that_is_no_time_is_refused(text):
     with pytest.raises(UsageError, match="expected seconds > 0"):
         RunOptions.from_pytest_config(FakeConfig(drive_stuck_stop=text))
+
+
+@pytest.mark.parametrize(
+    "option", [option for option in options_of(RunOptions) if not option.is_switch], ids=lambda option: option.flag
+)
+def test_a_blank_value_is_refused_on_the_command_line_and_is_none_in_the_ini_file(option):
+    with pytest.raises(UsageError, match=f"{option.flag} is empty, expected {option.metavar}: "):
+        RunOptions.from_pytest_config(FakeConfig(**{option.name: " "}))
+    assert RunOptions.from_pytest_config(FakeConfig({option.name: " "})) == RunOptions()
 
 
 def test_a_missing_folder_is_refused_with_the_nearest_one(tmp_path):

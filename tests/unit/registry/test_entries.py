@@ -9,6 +9,7 @@ import pytest
 from pytest_drive_robust.domain.agent import has_portable_bits
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.registry.entries import Entry
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.testing import ScriptedAgent
@@ -118,3 +119,11 @@ def test_what_is_no_option_is_refused_before_anything_is_made(registry: Registry
 def test_a_misspelt_name_with_options_is_answered_with_the_nearest_one(registry: Registry) -> None:
     with pytest.raises(UnknownNameError, match="'mine'"):
         registry.agent("mini:speed=4")
+
+
+def test_ctrl_c_while_an_entry_loads_ends_the_run_and_blames_no_distribution() -> None:
+    def interrupted() -> object:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        Entry("agents", "slow", "slow-agents 1.0", interrupted).load()

@@ -227,6 +227,26 @@ def test_a_damaged_file_is_named(tmp_path: Path, text: str) -> None:
         read_baseline(path)
 
 
+@pytest.mark.parametrize(
+    ("was", "now"),
+    [
+        ('"ds": 50.0', '"ds": "50"'),
+        ('"ds": 50.0', '"ds": null'),
+        ('"ds": 50.0', '"ds": NaN'),
+        ('"ds": 50.0', '"ds": 500.0'),
+        ('"sr": 0.0', '"sr": -1.0'),
+        ('"agent": "driver"', '"agent": ["driver"]'),
+    ],
+)
+def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, now: str) -> None:
+    (blessed,) = bless(snapshot(cell([50.0])), tmp_path, SIGNATURE, environ={})
+    text = blessed.path.read_text()
+    assert text.count(was) == 1
+    blessed.path.write_text(text.replace(was, now))
+    with pytest.raises(UsageError, match=r"driver\.json' is not a baseline: "):
+        read_baseline(blessed.path)
+
+
 def test_baselines_of_two_agents_do_not_merge() -> None:
     with pytest.raises(UsageError, match="of agent 'a', expected 'b'"):
         merge(Baseline("a"), Baseline("b"))

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 from result_factory import make_result
 
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.document import read_document, snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, mismatches
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
@@ -33,6 +37,35 @@ def test_an_agent_is_compared_by_what_its_own_episodes_depend_on() -> None:
     assert len(told) == 2
     assert "torch was 2.4 and is 2.5" in told
     assert any("whose torch computes otherwise" in text for text in told)
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"summaries": 5},
+        {"episodes": None},
+        {"settings": []},
+        {"stored": ["today"]},
+        {"fingerprint": "d0"},
+        {"requirements": None},
+    ],
+    ids=str,
+)
+def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
+    tmp_path: Path, changed: dict[str, object]
+) -> None:
+    run = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    assert read_document(tmp_path / "run.json") == run
+    (tmp_path / "run.json").write_text(json.dumps({**run, **changed}))
+    with pytest.raises(UsageError, match=f"damaged: it has something else under '{next(iter(changed))}' than runs"):
+        read_document(tmp_path / "run.json")
+
+
+def test_brackets_without_an_end_are_no_run(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text("[" * 100_000)
+    with pytest.raises(UsageError, match=r"run\.json.* is (damaged: RecursionError|not valid JSON)"):
+        read_document(tmp_path / "run.json")
 
 
 @pytest.mark.parametrize("order", [1, -1])

@@ -178,6 +178,10 @@ def test_the_command_verifies_and_sets_aside(store, capsys):
     told = capsys.readouterr().out
     assert f"{path}: its checksum does not fit" in told
     assert "4 episodes, 1 damaged" in told
+    (store.folder / "aside").touch()
+    assert run_cli(store, "verify", "--fix") == 1
+    assert "0 moved to" in capsys.readouterr().out
+    (store.folder / "aside").unlink()
     assert run_cli(store, "verify", "--fix") == 0
     assert not path.exists()
     assert run_cli(store, "verify") == 0
@@ -237,3 +241,5 @@ def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monke
     assert "there is no store 'nowhere'" in capsys.readouterr().err
     assert main(["store", "gc", "--older-than", "soon"]) == 4
     assert "--older-than is 'soon', expected a time such as 90s, 20m or 1.5h" in capsys.readouterr().err
+    assert main(["store", "gc", "--agent", "driver", "--older-than", ""]) == 4  # or all of it would go
+    assert "--older-than is '', expected a time such as 30d or 12h" in capsys.readouterr().err
