@@ -82,9 +82,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_CommandParser)
     for name, text in COMMANDS.items():
         about = f"{text[0].upper()}{text[1:]}{'' if text.endswith('?') else '.'}"
-        commands.add_parser(
-            name, help=text, description=about
-        ).module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
+        command = commands.add_parser(name, help=text, description=about)
+        command.module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
     return parser
 
 
@@ -92,7 +91,7 @@ class _CommandParser(argparse.ArgumentParser):
     """The parser of one command. The command's module is imported when the command was given, and no other."""
 
     module = ""
-    _takes_turns = False
+    _intermixed = False
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
         """Parse, after the module has added its arguments.
@@ -103,10 +102,10 @@ class _CommandParser(argparse.ArgumentParser):
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
-        if self._takes_turns or self.get_default("command") is None:  # the latter has commands of its own
+        if self._intermixed or self.get_default("command") is None:  # the latter has commands of its own
             return super().parse_known_args(*arguments, **options)
-        self._takes_turns = True
+        self._intermixed = True
         try:
             return self.parse_known_intermixed_args(*arguments, **options)
         finally:
-            self._takes_turns = False
+            self._intermixed = False
