@@ -16,6 +16,7 @@ _VARIABLES: Mapping[str, str] = {
     "GITHUB_REPOSITORY": "the repository of that pull request; GitHub sets it",
     "GITHUB_API_URL": "where GitHub's interface is, for a server of one's own; GitHub sets it",
     "CI": "where it is set, ``drive-robust bless`` is refused",
+    "TERM": "``dumb`` and ``unknown`` get lines of progress in place of a live one",
     "RAY_ADDRESS": "the cluster of ``--drive-executor ray`` where ``--drive-ray-address`` says nothing",
     "IS_BENCH2DRIVE": "Bench2Drive's switch: an official agent is then given a name to save under, as officially",
     "CARLA_ROOT": "the folder of CARLA, for the official evaluator",
