@@ -38,10 +38,12 @@ def many_routes(folder):
 
 
 def slow_down(folder):
-    """The same agent, worse: its code has changed."""
+    """The same agent, worse: its code has changed, and its length, else Python may run what it compiled before."""
     conftest = folder.path / "conftest.py"
     conftest.write_text(
-        conftest.read_text().replace("ScriptedAgent([Control(throttle=1.0)])", "ScriptedAgent([Control(throttle=0.3)])")
+        conftest.read_text().replace(
+            "ScriptedAgent([Control(throttle=1.0)])", "ScriptedAgent([Control(throttle=0.25)])"
+        )
     )
 
 
