@@ -89,12 +89,12 @@ def time_limit_s(given: GivenText) -> float | None:
 
 
 def gigabytes(given: GivenText) -> int | None:
-    """Return gigabytes > 0, as in `"4"`, in bytes, None for nothing."""
+    """Return gigabytes > 0 and below 1e9, as in `"4"`, in bytes, None for nothing."""
     if not given.text:
         return None
     value_bytes = 1e9 * _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
-    if not 1.0 <= value_bytes < 2.0**63:  # what the system takes
-        raise UsageError(f"{given.flag} is {given.text!r}, expected gigabytes > 0, as in {given.flag} 4.")
+    if not 1.0 <= value_bytes < 1e18:  # the system takes 63 bits
+        raise UsageError(f"{given.flag} is {given.text!r}, expected gigabytes > 0 and below 1e9, as in {given.flag} 4.")
     return int(value_bytes)
 
 

@@ -28,6 +28,8 @@ _REDRAW_S = 0.2
 _PLAIN_S = 3.0
 _HEARTBEAT_S = 30.0
 _COMPILING_S = 5.0
+_ALONE_S = 3.0
+"""So long nothing is under way only where somebody else drives: the next episode of ours begins sooner."""
 _MOST_PASSED = 0.9
 """The share of an episode that is over at most while it is under way, however long it takes."""
 Screen = Callable[[], AbstractContextManager[TextIO]]
@@ -39,6 +41,8 @@ class ProgressState:
     """What the events so far add up to. `clock` is in seconds and only its differences count."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._next_since_s = clock()
         self._keys: set[str] = set()
         self._finished: set[str] = set()
         self._driven = 0
@@ -69,6 +73,8 @@ class ProgressState:
         if isinstance(event, (Finished, Reused)):
             self._running.pop(event.key, None)
             self._finished.add(event.key)
+        if isinstance(event, (Planned, Finished)):
+            self._next_since_s = self._clock()
         if isinstance(event, Finished):
             self._driven += 1
         if isinstance(event, (Compiling, Finished)):  # where episodes end, nothing waits for a compiler
@@ -136,10 +142,10 @@ class ProgressState:
     def now(self) -> str:
         """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`.
 
-        Where nothing is, another run with the same store drives what is left.
+        Where nothing is for some seconds, another run with the same store drives what is left.
         """
         if not self._running:
-            return "waiting for another run"
+            return "waiting for another run" if self._clock() - self._next_since_s >= _ALONE_S else ""
         last = list(self._running.values())[-1]
         others = f" (and {len(self._running) - 1} more)" if len(self._running) > 1 else ""
         return f"{last.agent}, {last.setting}, {last.route}{others}"
@@ -184,7 +190,7 @@ class PlainProgress(Progress):
                 self._compiling_s = self._clock()
                 self._write(self._state.compiling())
         elif self._clock() - self._written_s >= _HEARTBEAT_S and self._state.active:
-            self._write(f"{self._state.counts()}, now {self._state.now()}")
+            self._write(f"{self._state.counts()}, now {self._state.now() or 'waiting'}")
 
     def _write(self, text: str) -> None:
         self._written_s = self._clock()

@@ -195,7 +195,9 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--per-type", type=int, default=5, help="routes of each scenario type")
     given = parser.parse_args(argv)
     if given.file.is_dir():
-        parser.exit(1, f"{given.file} is a folder: give the name of a file in it, such as {given.file / 'mine.xml'}\n")
+        parser.exit(
+            1, f"{given.file} is a directory: give the name of a file in it, such as {given.file / 'mine.xml'}\n"
+        )
     try:
         routes = draw_routes(seed=given.seed, per_type=given.per_type)
         given.file.parent.mkdir(parents=True, exist_ok=True)

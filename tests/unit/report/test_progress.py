@@ -51,13 +51,17 @@ def test_the_time_left_follows_from_the_time_that_passed():
 
 
 def test_it_says_what_is_under_way():
-    state = ProgressState(Clock())
+    clock = Clock()
+    state = ProgressState(clock)
     state.see(started("a"))
     state.see(started("b"))
     assert state.now() == "driver, clean, b Straight (and 1 more)"
     state.see(Finished("b", 1.0))
     assert state.now() == "driver, clean, a Straight"
+    clock.now_s += 60.0
     state.see(Finished("a", 1.0))
+    assert state.now() == "", "the next one begins soon"
+    clock.now_s += 4.0
     assert state.now() == "waiting for another run"
 
 

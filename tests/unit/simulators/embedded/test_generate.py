@@ -175,7 +175,7 @@ def test_a_file_that_cannot_be_written_is_one_line(
     monkeypatch.setattr(generate, "draw_routes", lambda *, seed, per_type: drawn.append(seed) or [])
     with pytest.raises(SystemExit, match="1"):
         main([str(tmp_path)])
-    assert f"{tmp_path} is a folder: give the name of a file in it" in capsys.readouterr().err
+    assert f"{tmp_path} is a directory: give the name of a file in it" in capsys.readouterr().err
     assert drawn == []
     (tmp_path / "taken").write_text("a file")
     with pytest.raises(SystemExit, match="1"):
