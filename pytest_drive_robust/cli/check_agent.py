@@ -10,10 +10,11 @@ from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import check_seeds, time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
 from pytest_drive_robust.registry.registry import AgentFactory, default_registry
+from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.simulators.routes import default_spec, routes_for
+from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.testing import check_agent
 
 _TICK_CAP = 200
@@ -40,7 +41,7 @@ def _check_agent(options: argparse.Namespace) -> int:
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
     chosen = options.routes is not None
     spec = options.routes if chosen else default_spec(DEFAULT_ROUTES, simulator, given=False)
-    routes = routes_for(spec, simulator)
+    routes = routes_of(spec, simulator)
     kept = True
     try:
         for number, route in enumerate(routes if chosen else routes[:1], start=1):

@@ -27,13 +27,14 @@ from pytest_drive_robust.perturbations.base import RunningStack, Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
+from pytest_drive_robust.runner.before_driving import check_route, routes_of
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
 from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.runner.scopes import check_severities
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
-from pytest_drive_robust.simulators.routes import own_routes, routes_for
+from pytest_drive_robust.simulators.routes import own_routes
 from pytest_drive_robust.verdict.explain import first_divergence
 
 _SUFFIXES = (".mp4", ".png")
@@ -156,12 +157,10 @@ def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
 
 def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Route:
     spec = options.routes or (ALL_ROUTES if own_routes(simulator) is None else name)
-    routes = {route.id: route for route in routes_for(spec, simulator)}
+    routes = {route.id: route for route in routes_of(spec, simulator)}
     if name not in routes:
         raise UnknownNameError.of("route", name, routes, hint="Name its file with --routes.")
-    check_route = getattr(simulator, "check_route", None)
-    if check_route is not None:
-        check_route(routes[name])
+    check_route(simulator, routes[name])
     return routes[name]
 
 

@@ -16,7 +16,8 @@ from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.plugin.verdict_errors import is_open
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.simulators.routes import default_spec, resolve_routes, routes_for
+from pytest_drive_robust.runner.before_driving import routes_of
+from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
@@ -146,4 +147,4 @@ def _routes_in_words(options: RunOptions) -> str:
     except UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
         return options.routes
     spec = default_spec(options.routes, simulator, given=options.routes_given)
-    return f"{len(routes_for(spec, simulator))} ({spec})"
+    return f"{len(routes_of(spec, simulator))} ({spec})"

@@ -37,12 +37,19 @@ class ConfiguredFactory(functools.partial[Any]):
 
     def check(self) -> None:
         """Call the factory's own `check`, where it has one, with those of the options that it takes."""
-        check = getattr(self.func, "check", None)
-        if callable(check):
+        check = check_of(self.func)
+        if check is not None:
             known = inspect.signature(check).parameters.values()
             takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known)
             names = self.keywords if takes_all else {parameter.name for parameter in known}
             check(**{name: value for name, value in self.keywords.items() if name in names})
+
+
+def check_of(factory: object) -> Callable[..., object] | None:
+    """Return the `check` of a factory, which says what is wrong before it makes an agent; no method of its objects."""
+    check = getattr(factory, "check", None)
+    is_for_objects = isinstance(factory, type) and inspect.isfunction(inspect.getattr_static(factory, "check", None))
+    return check if callable(check) and not is_for_objects else None
 
 
 def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:

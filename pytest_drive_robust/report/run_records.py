@@ -16,8 +16,8 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.regression.document import damaged, episode_of, routes_of_one_id
 from pytest_drive_robust.regression.references import project_store, read_run_document
+from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.simulators.base import Simulator
-from pytest_drive_robust.simulators.routes import routes_for
 from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.record import decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
@@ -77,7 +77,7 @@ class RunRecords:
             raise routes_of_one_id(label, twice.route_id, f" for {twice.agent} under {twice.setting}")
         simulator = _found(lambda: registry.simulator(name), None)
         routes: dict[str, tuple[Route, ...]] = (
-            {} if simulator is None else {spec: _found(partial(routes_for, spec, simulator), ()) for spec in specs}
+            {} if simulator is None else {spec: _found(partial(routes_of, spec, simulator), ()) for spec in specs}
         )
         found: dict[str, Route] = {}
         for route in (route for spec in routes.values() for route in spec):

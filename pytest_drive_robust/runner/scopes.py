@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 
@@ -12,12 +11,13 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.episode.machine import library_versions
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
-from pytest_drive_robust.simulators.routes import default_spec, routes_for
+from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.store.events import Identified
 
 
@@ -69,7 +69,7 @@ class Scopes:
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
         if spec not in self._routes:
-            self._routes[spec] = routes_for(spec, self._simulator, self._load_routes)
+            self._routes[spec] = routes_of(spec, self._simulator, self._load_routes)
         return self._routes[spec]
 
     def of(self, marker: MarkerOptions) -> Scope:
@@ -130,10 +130,7 @@ class Scopes:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
         if agent not in self._identities:
             self._registry.require("agents", agent)
-            factory = self._registry.entry("agents", agent).load()
-            check = getattr(factory, "check", None)
-            if callable(check) and not _is_for_its_objects(factory, "check"):
-                check()
+            check_factory(agent, self._registry.entry("agents", agent).load())
             together = self._lockstep and factory_offers_lockstep(agent, self._registry)
             self._identities[agent] = identity_of(
                 agent,
@@ -147,21 +144,20 @@ class Scopes:
 
     def _check_routes(self, scope: Scope) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""
-        check = getattr(self._simulator, "check_route", None)
-        if check is not None and scope.routes_spec not in self._problems:
-            self._problems[scope.routes_spec] = list(self._problems_of(scope, check))
+        if scope.routes_spec not in self._problems and hasattr(self._simulator, "check_route"):
+            self._problems[scope.routes_spec] = list(self._problems_of(scope))
         problems = self._problems.get(scope.routes_spec)
         if problems:
             told = f"{len(problems)} of {len(scope.routes)} routes cannot be driven:"
             raise RouteError("\n  ".join([told, *problems]))
 
-    def _problems_of(self, scope: Scope, check: Callable[[Route], object]) -> Iterator[str]:
+    def _problems_of(self, scope: Scope) -> Iterator[str]:
         requests = scope.need(Setting.CLEAN, clean=False).perturbed
         driven = {request.route.id for request in requests if self._is_stored(request.key)}
         for route in scope.routes:
             if route.id not in driven:
                 try:
-                    check(route)
+                    check_route(self._simulator, route)
                 except UsageError as error:
                     yield str(error)
 
@@ -170,8 +166,3 @@ class Scopes:
         """Return a world that is asked and never driven."""
         self._registry.require("simulators", self._options.simulator)
         return self._registry.simulator(self._options.simulator, simulator_options(self._options))
-
-
-def _is_for_its_objects(cls: object, name: str) -> bool:
-    """Return whether a class has a method of that name which only an object of it can answer."""
-    return isinstance(cls, type) and inspect.isfunction(inspect.getattr_static(cls, name))

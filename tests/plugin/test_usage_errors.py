@@ -326,3 +326,33 @@ def test_a_phrase_that_became_a_severity_is_refused_before_anything_ran(suite, d
     output = refused(suite(GREEN, conftest=ANNOTATED))
     assert "Dimmed has 'phrase' as a severity, because it is annotated" in output
     assert driven() == []
+
+
+MUTE = """
+class Mute(FakeSimulator):
+    def versions(self):
+        raise RuntimeError("no map")
+
+class Careful(ScriptedAgent):
+    @classmethod
+    def check(cls):
+        raise OSError("no file")
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("mute", Mute)
+    registry.register_agent("careful", Careful)
+"""
+
+
+@pytest.mark.parametrize(
+    ("args", "message"),
+    [
+        (("--drive-sim", "mute"), "raised RuntimeError: no map (conftest.py:"),
+        (("--drive-agent", "careful"), "`check` of the agent 'careful' raised OSError: no file (conftest.py:"),
+    ],
+)
+def test_what_a_world_or_an_agent_raises_before_it_is_driven_is_told_with_its_place(suite, driven, args, message):
+    assert message in refused(suite(GREEN, conftest=MUTE), *args)
+    assert driven() == []

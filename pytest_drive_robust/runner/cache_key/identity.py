@@ -20,7 +20,6 @@ What the processor decides is in no key: records tell it (`runner.episode.machin
 from __future__ import annotations
 
 import hashlib
-import importlib
 import os
 import re
 from pathlib import Path
@@ -30,6 +29,7 @@ from pytest_drive_robust.domain.agent import computing_modules, has_portable_bit
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.before_driving import facts_of, sources_of
 from pytest_drive_robust.runner.cache_key import source_files
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of, file_digests
 from pytest_drive_robust.runner.plan import Scope
@@ -108,13 +108,13 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     """Return 32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
 
     `sources` of a world are names of modules beside its own whose code counts, such as that of an environment, and
-    `files` those whose content does. One with `portable_bits` computes the same with every version of Python.
+    `files` those whose content does. One with `portable_bits` computes the same with every version of Python. Raises
+    `UsageError` for what cannot be read or compared.
     """
     factory = registry.entry("simulators", name).load()
-    modules = [importlib.import_module(name) for name in getattr(world, "sources", ())]
-    others = [source_files.module_digest(source_files.file_of(module), module.__name__) for module in modules]
+    others = [source_files.module_digest(source_files.file_of(module), module.__name__) for module in sources_of(world)]
     others += file_digests(world)
-    facts = (FORMAT_VERSION, name, world.name, world.version, world.dt_s, dict(world.versions()), options)
+    facts = (FORMAT_VERSION, name, *facts_of(world), options)
     place = f"{getattr(factory, '__module__', '')}."
     # Every other world may use the sensors and criteria of `embedded`.
     ours = source_files.code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))

@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.domain.agent import has_portable_bits
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.registry.entries import Entry, check_of
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.testing import ScriptedAgent
@@ -87,6 +87,17 @@ def test_a_check_that_takes_all_options_is_given_those_that_were_chosen() -> Non
     registry.register_agent("all", TakesAll)
     registry.entry("agents", "all:speed=4+mode=ctrl").load().check()  # type: ignore[attr-defined]
     assert asked == [{"speed": 4.0, "mode": "ctrl"}]
+
+
+def test_a_check_that_an_agent_has_for_itself_is_not_asked_of_its_class() -> None:
+    class Checks(Configurable):
+        def check(self, control: Control) -> bool:
+            return control == Control()
+
+    registry = Registry()
+    registry.register_agent("checks", Checks)
+    registry.entry("agents", "checks:speed=4").load().check()  # type: ignore[attr-defined]
+    assert check_of(Checks) is None
 
 
 def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
