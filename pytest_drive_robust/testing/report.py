@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 
 
@@ -27,7 +28,10 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class ContractReport:
-    """All promises of one subject, in the order in which they were tried; those that need a broken one are left out."""
+    """All promises of one subject, in the order in which they were tried; those that need a broken one are left out.
+
+    It is true where `ok` is, gives its checks one by one, and one of them by its name.
+    """
 
     subject: str
     checks: tuple[Check, ...]
@@ -37,8 +41,18 @@ class ContractReport:
         """True when something was checked and nothing failed."""
         return bool(self.checks) and all(check.ok for check in self.checks)
 
+    def __bool__(self) -> bool:
+        return self.ok
+
+    def __iter__(self) -> Iterator[Check]:
+        return iter(self.checks)
+
     def __getitem__(self, name: str) -> Check:
-        return next(check for check in self.checks if check.name == name)
+        """Return the check of that name. Raises `UnknownNameError` for one that was left out or does not exist."""
+        found = {check.name: check for check in self.checks}
+        if name not in found:
+            raise UnknownNameError.of("check in this report", name, found)
+        return found[name]
 
     def __str__(self) -> str:
         width = max((len(check.name) for check in self.checks), default=0)
