@@ -1,10 +1,14 @@
-"""Ends calls of an agent that take too long, as far as signals reach: in the main thread, and not on Windows."""
+"""Ends calls of an agent that take too long, as far as signals reach: in the main thread, and not on Windows.
+
+There is one timer for all: that of a call around this one, or of pytest-timeout, goes on afterwards.
+"""
 
 from __future__ import annotations
 
 import functools
 import signal
 import threading
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any, TypeVar
@@ -13,6 +17,7 @@ _A = TypeVar("_A")
 _CALLS = ("sensors", "reset", "act", "act_batch", "plan")
 _AGAIN_S = 1.0
 """Code that catches everything is interrupted once more."""
+_AT_ONCE_S = 1e-6
 
 
 class _TimeIsUpError(SystemExit):
@@ -37,7 +42,8 @@ def _limited(call: Callable[..., Any], limit_s: float) -> Callable[..., Any]:
     @functools.wraps(call)
     def limited(*given: Any) -> Any:
         before = signal.signal(signal.SIGALRM, _end)
-        signal.setitimer(signal.ITIMER_REAL, limit_s, _AGAIN_S)
+        started_s = time.monotonic()
+        left_s, again_s = signal.setitimer(signal.ITIMER_REAL, min(limit_s, threading.TIMEOUT_MAX), _AGAIN_S)
         try:
             return call(*given)
         except _TimeIsUpError as error:
@@ -46,6 +52,9 @@ def _limited(call: Callable[..., Any], limit_s: float) -> Callable[..., Any]:
         finally:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, before)
+            if left_s > 0.0:
+                left_s -= time.monotonic() - started_s
+                signal.setitimer(signal.ITIMER_REAL, max(left_s, _AT_ONCE_S), again_s)
 
     return limited
 
