@@ -148,7 +148,7 @@ def code_digest(modules: Iterable[ModuleType | str]) -> str:
         file = file_of_name(module) if isinstance(module, str) else file_of(module)
         is_package = file.name == "__init__.py" if isinstance(module, str) else hasattr(module, "__path__")
         place, files = (file.parent, sorted(file.parent.rglob("*.py"))) if is_package else (file, [file])
-        for path in files:
+        for path in filter(Path.is_file, files):  # an editor locks `a.py` by a link `.#a.py` that leads nowhere
             name = path.relative_to(place.parent).as_posix()
             digest.update(name.encode() + b"\0" + hashlib.blake2b(path.read_bytes()).digest())
     return digest.hexdigest()

@@ -161,6 +161,13 @@ def test_the_name_of_a_file_in_a_package_counts_in_its_digest(module, tmp_path):
     assert code_digest(["driving_pkg"]) != first
 
 
+def test_a_link_by_which_an_editor_locks_a_file_is_no_code(module, tmp_path):
+    module("driving_pkg.__init__", "")
+    first = code_digest(["driving_pkg"])
+    (tmp_path / "driving_pkg" / ".#__init__.py").symlink_to("somebody@somewhere.1234:5678")
+    assert code_digest(["driving_pkg"]) == first
+
+
 def test_the_minor_version_of_python_counts():
     assert versions_of([]) == {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
 
