@@ -88,9 +88,10 @@ def register_names_of(word: str, registry: Registry) -> None:
 
 
 def imported_from(module: str, file: str) -> ModuleType:
-    """Return the module of that name from exactly that file.
+    """Return the module of that name from exactly that file; one that raises is not kept.
 
-    Two conftest.py files may share a name: the later one gets it."""
+    Two conftest.py files may share a name: the later one gets it.
+    """
     known = sys.modules.get(module)
     if known is not None and _is_file(known.__file__, file):
         return known
@@ -101,7 +102,11 @@ def imported_from(module: str, file: str) -> ModuleType:
         raise ImportError(f"{file} is not a Python module")
     made = importlib.util.module_from_spec(spec)
     sys.modules[module] = made
-    spec.loader.exec_module(made)
+    try:
+        spec.loader.exec_module(made)
+    except BaseException:
+        sys.modules.pop(module, None)
+        raise
     return made
 
 

@@ -31,6 +31,14 @@ def test_two_files_of_one_name_are_told_apart_and_each_is_imported_once(tmp_path
         assert imported_from("conftest_of_two", file) is made
 
 
+def test_a_file_that_raises_is_not_taken_for_imported(tmp_path, fresh_imports):
+    (tmp_path / "half_plugin.py").write_text("BEGUN = True\nraise ValueError('half')\n")
+    for _ in range(2):
+        with pytest.raises(ValueError, match="half"):
+            imported_from("half_plugin", str(tmp_path / "half_plugin.py"))
+    assert "half_plugin" not in sys.modules
+
+
 def test_a_file_is_the_same_by_a_link_to_its_folder(tmp_path, fresh_imports):
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "linked_plugin.py").write_text("")
