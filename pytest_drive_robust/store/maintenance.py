@@ -13,7 +13,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.index import IndexedEpisode, indexed_episodes
-from pytest_drive_robust.store.record import CorruptRecordError, OtherFormatError, decode_record
+from pytest_drive_robust.store.record import OtherFormatError, decode_record
 from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
 from pytest_drive_robust.store.reuse import ends_reusable
 
@@ -75,27 +75,39 @@ def statistics(folder: Path) -> Statistics:
 
 def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
     """Read every record to its last byte: (how many there are, those that are damaged). Changes nothing."""
-    files, damages, count = RecordFiles(folder), [], 0
-    for key in files.all_keys():
-        count += 1
-        path = files.path(key)
-        try:
-            trace = decode_record(files.read(key) or b"", key=key).result.trace
-            if Trace(trace.rows).digest != trace.digest:
-                damages.append(Damage(key, path, "its trace is not the one that its header tells of"))
-        except OtherFormatError as error:
-            damages.append(Damage(key, path, str(error), later_version=True))
-        except (CorruptRecordError, ValueError) as error:
-            damages.append(Damage(key, path, str(error)))
-        except OSError as error:
-            damages.append(Damage(key, path, f"it cannot be read: {error.strerror or error}"))
-    return count, tuple(damages)
+    files = RecordFiles(folder)
+    keys = list(files.all_keys())
+    return len(keys), tuple(damage for key in keys if (damage := _damage(files, key)) is not None)
 
 
 def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
-    """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many could be moved."""
+    """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many were moved.
+
+    A run may have replaced one since it was found: a whole record stays.
+    """
     files = RecordFiles(folder)
-    return sum(files.set_aside(damage.key) is not None for damage in damages if not damage.later_version)
+    found = [_damage(files, damage.key) for damage in damages]
+    return sum(
+        files.set_aside(damage.key) is not None for damage in found if damage is not None and not damage.later_version
+    )
+
+
+def _damage(files: RecordFiles, key: str) -> Damage | None:
+    """Return what is wrong with a record; None for a whole one, and for one that is gone."""
+    path = files.path(key)
+    try:
+        data = files.read(key)
+        if data is None:
+            return None
+        trace = decode_record(data, key=key).result.trace
+        whole = Trace(trace.rows).digest == trace.digest
+    except OtherFormatError as error:
+        return Damage(key, path, str(error), later_version=True)
+    except ValueError as error:
+        return Damage(key, path, str(error))
+    except OSError as error:
+        return Damage(key, path, f"it cannot be read: {error.strerror or error}")
+    return None if whole else Damage(key, path, "its trace is not the one that its header tells of")
 
 
 def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[str] = (), dry: bool = False) -> Swept:

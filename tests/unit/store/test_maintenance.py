@@ -11,10 +11,10 @@ from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.outcome import Outcome
-from pytest_drive_robust.store import maintenance
+from pytest_drive_robust.store import maintenance, record
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.index import indexed_episodes
-from pytest_drive_robust.store.maintenance import Damage, set_aside, statistics, sweep, verify
+from pytest_drive_robust.store.maintenance import set_aside, statistics, sweep, verify
 from pytest_drive_robust.store.packing import StoredTrace, pack
 from pytest_drive_robust.store.record import encode_episode
 from pytest_drive_robust.store.record_files import RecordFiles
@@ -142,12 +142,38 @@ def test_a_trace_that_is_not_the_one_that_its_header_tells_of_is_damaged(store):
     assert (damage.key, damage.problem) == ("cc01", "its trace is not the one that its header tells of")
 
 
-def test_a_record_of_a_later_version_is_not_set_aside(store):
-    path = RecordFiles(store.folder).path("aa01")
-    assert set_aside(store.folder, [Damage("aa01", path, "it has episode format 9", later_version=True)]) == 0
-    assert path.is_file()
-    assert set_aside(store.folder, [Damage("aa01", path, "it is empty")]) == 1
-    assert not path.exists()
+def test_a_record_of_a_later_version_is_not_set_aside(store, monkeypatch):
+    files = RecordFiles(store.folder)
+    files.path("aa01").write_bytes(b"")
+    with monkeypatch.context() as later:
+        later.setattr(record, "FORMAT_VERSION", 9)
+        store.put("aa02", make_result())
+    _, damages = verify(store.folder)
+    assert [(damage.key, damage.later_version) for damage in damages] == [("aa01", False), ("aa02", True)]
+    assert set_aside(store.folder, damages) == 1
+    assert [files.path(key).is_file() for key in ("aa01", "aa02")] == [False, True]
+
+
+def test_a_record_that_a_run_has_replaced_since_it_was_found_damaged_is_not_set_aside(store):
+    files = RecordFiles(store.folder)
+    files.path("aa01").write_bytes(b"")
+    _, damages = verify(store.folder)
+    assert [damage.key for damage in damages] == ["aa01"]
+    FolderStore(store.folder, run="two").put("aa01", make_result("3"))
+    assert set_aside(store.folder, damages) == 0
+    assert FolderStore(store.folder, run="three").get("aa01").episode.route_id == "3"
+
+
+def test_a_record_that_goes_while_others_are_read_is_not_damaged(store, monkeypatch):
+    read = RecordFiles.read
+
+    def meanwhile(self, key):
+        """Another command removes the next one."""
+        self.path("bb01").unlink(missing_ok=True)
+        return read(self, key)
+
+    monkeypatch.setattr(RecordFiles, "read", meanwhile)
+    assert verify(store.folder)[1] == ()
 
 
 def test_a_clock_of_the_future_makes_nothing_old(store):
