@@ -112,12 +112,6 @@ def int_planes(table: Ints) -> bytes:
     return zigzag.view(np.uint8).reshape(len(columns), -1, 4).transpose(0, 2, 1).tobytes() if columns.size else b""
 
 
-def second_differences(table: Ints, counts: Ints) -> Ints:
-    """Return the differences of differences along tracks of so many rows: 0 for what moves evenly."""
-    starts = _starts(counts)
-    return differences(differences(table, starts), starts)
-
-
 def differences(table: Ints, starts: NDArray[np.int64] | list[int]) -> Ints:
     """Return each row less the one before it, but the rows at `starts` as they are."""
     changed = table.astype(np.int32)
