@@ -69,6 +69,8 @@ def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
 
 def _class(perturbation: Perturbation) -> Check:
     kind = type(perturbation)
+    if isinstance(perturbation, type):
+        return Check("class", False, f"{perturbation.__name__} is a class, expected an object of it: add the brackets.")
     if not isinstance(perturbation, Perturbation):
         return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")
     if "__dataclass_fields__" not in vars(kind):

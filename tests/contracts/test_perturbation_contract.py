@@ -53,6 +53,11 @@ def test_every_builtin_keeps_the_contract(perturbation: Perturbation) -> None:
     assert report.ok, str(report)
 
 
+def test_a_class_in_the_place_of_its_object_is_told_of_the_brackets() -> None:
+    (check,) = check_perturbation(GpsNoise)  # type: ignore[arg-type]
+    assert check.sentence == "GpsNoise is a class, expected an object of it: add the brackets."
+
+
 @dataclass
 class Dimmed(Perturbation):
     gain: float = 0.5
