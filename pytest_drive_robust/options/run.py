@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -85,7 +86,7 @@ class RunOptions:
             reading_given=was_given(OPTIONS["--drive-reading"], config),
         )
         paths = [path for path in (options.json_path, options.csv_path, options.report_path) if path is not None]
-        if len(set(paths)) < len(paths):
+        if len(set(map(os.path.realpath, paths))) < len(paths):
             raise UsageError("two of --drive-json, --drive-csv and --drive-report name one path. Give each its own.")
         return options
 

@@ -135,6 +135,8 @@ def test_the_help_of_the_verdict_option_names_every_rule():
     assert all(kind in option.help for kind in VERDICT_KINDS)
 
 
-def test_two_files_at_one_path_are_refused():
-    with pytest.raises(UsageError, match="name one path"):
-        RunOptions.from_pytest_config(FakeConfig(drive_json="out.json", drive_csv="out.json"))
+def test_two_files_at_one_path_are_refused_however_it_is_written(tmp_path):
+    (tmp_path / "sub").mkdir()
+    for other in ("out.json", "./out.json", "sub/../out.json"):
+        with pytest.raises(UsageError, match="name one path"):
+            RunOptions.from_pytest_config(FakeConfig(called_in=tmp_path, drive_json="out.json", drive_csv=other))
