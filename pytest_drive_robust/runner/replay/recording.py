@@ -133,7 +133,9 @@ def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
     if driven.trace.digest == stored.trace.digest:
         return ""
     shared = min(driven.ticks, stored.ticks)
-    unequal = (driven.trace.rows[:shared] != stored.trace.rows[:shared]).any(axis=1)
+    # as bits, as digests are made of: 0.0 is not -0.0
+    one, other = (np.ascontiguousarray(result.trace.rows[:shared]).view(np.uint64) for result in (driven, stored))
+    unequal = (one != other).any(axis=1)
     if bool(unequal.any()):
         return f"from {(int(np.argmax(unequal)) + 1) * driven.dt_s:.2f} s on"
     return f"only in length: {driven.game_s:.2f} s now, {stored.game_s:.2f} s stored"

@@ -163,6 +163,10 @@ def test_a_difference_says_from_when_on() -> None:
     rows = result.trace.rows.copy()
     rows[20:, 0] += 1e-12
     assert difference(result, replace(result, trace=replace(result.trace, rows=rows))) == "from 1.05 s on"
+    rows = result.trace.rows.copy()
+    rows[7, 9] = -rows[7, 9]
+    assert rows[7, 9] == 0.0  # the bits differ all the same
+    assert difference(result, replace(result, trace=replace(result.trace, rows=rows))) == "from 0.40 s on"
     shorter = replace(result, trace=replace(result.trace, rows=result.trace.rows[:10]), ticks=10)
     assert difference(result, shorter) == "only in length: 2.00 s now, 0.50 s stored"
 
