@@ -23,6 +23,7 @@ import hashlib
 import os
 import re
 from pathlib import Path
+from types import ModuleType
 
 from pytest_drive_robust import simulators
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
@@ -31,7 +32,13 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import facts_of, sources_of
 from pytest_drive_robust.runner.cache_key import source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, code_of, digest_of, file_digests
+from pytest_drive_robust.runner.cache_key.canonical_text import (
+    SESSION,
+    canonical_text,
+    code_of,
+    digest_of,
+    file_digests,
+)
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -112,7 +119,7 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     `UsageError` for what cannot be read or compared.
     """
     factory = registry.entry("simulators", name).load()
-    others = [source_files.module_digest(source_files.file_of(module), module.__name__) for module in sources_of(world)]
+    others = [_source_of(module) for module in sources_of(world)]
     others += file_digests(world)
     facts = (FORMAT_VERSION, name, *facts_of(world), options)
     place = f"{getattr(factory, '__module__', '')}."
@@ -120,6 +127,13 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     ours = source_files.code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
     own = "" if place.startswith(f"{simulators.__name__}.") else code_of(factory)
     return digest_of(facts, {} if has_portable_bits(world) else source_files.versions_of(()), ours, own, others)
+
+
+def _source_of(module: ModuleType) -> str:
+    try:
+        return source_files.module_digest(source_files.file_of(module), module.__name__)
+    except source_files.UnknownSourceError as error:
+        return f"session {SESSION} {error}"
 
 
 def route_digest(route: Route) -> str:

@@ -50,7 +50,8 @@ class UnknownSourceError(Exception):
 def module_digest(file: Path, module: str, *, libraries: bool = True) -> str:
     """Return 32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports.
 
-    `libraries`: with the versions of Python and of what is installed, and not with the files alone.
+    `libraries`: with the versions of Python and of what is installed, and not with the files alone. Raises
+    `UnknownSourceError`.
     """
     return _Walk(file, module).digest(libraries=libraries)
 
@@ -211,7 +212,10 @@ class _Walk:
         if path in self._files:
             return
         self._files.add(path)
-        content = path.read_bytes()
+        try:
+            content = path.read_bytes()
+        except OSError as error:  # in a zip file, or not allowed
+            raise UnknownSourceError(f"{path} cannot be read: {error.strerror}") from None
         while name in self._found:  # of another folder
             name += "'"
         self._found[name] = _content_digest(path, content)

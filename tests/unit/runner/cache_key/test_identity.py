@@ -153,6 +153,16 @@ def test_files_that_a_world_names_are_in_the_key(tmp_path):
     assert identity_of_world(files=()) == bare
 
 
+def test_a_source_of_a_world_without_a_file_is_known_to_nobody_but_this_session(monkeypatch):
+    registry, world = Registry(), FakeSimulator()
+    registry.register_simulator("fake", FakeSimulator)
+    world.sources = ("sys",)
+    here = simulator_identity("fake", registry, world, SimulatorOptions())
+    assert simulator_identity("fake", registry, world, SimulatorOptions()) == here
+    monkeypatch.setattr(identity, "SESSION", "another")
+    assert simulator_identity("fake", registry, world, SimulatorOptions()) != here
+
+
 def test_one_byte_of_an_agents_package_changes_its_identity(module):
     module("driving_pkg.__init__", "")
     first = identity_with(module("driving_pkg.agent", AGENT).Agent)

@@ -2,12 +2,19 @@ from __future__ import annotations
 
 import importlib.util
 import sys
+import zipfile
 from types import ModuleType
 
 import pytest
 
 from pytest_drive_robust.runner.cache_key.canonical_text import code_of
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, code_digest, file_of, versions_of
+from pytest_drive_robust.runner.cache_key.source_files import (
+    UnknownSourceError,
+    code_digest,
+    file_of,
+    source_digest,
+    versions_of,
+)
 
 
 def test_code_that_cannot_be_found_has_no_digest(tmp_path):
@@ -159,6 +166,15 @@ def test_the_name_of_a_file_in_a_package_counts_in_its_digest(module, tmp_path):
     first = code_digest(["driving_pkg"])
     (tmp_path / "driving_pkg" / "two.py").rename(tmp_path / "driving_pkg" / "too.py")
     assert code_digest(["driving_pkg"]) != first
+
+
+def test_code_that_lies_in_a_zip_file_is_known_to_nobody_but_this_session(module, tmp_path, monkeypatch):
+    with zipfile.ZipFile(tmp_path / "lib.zip", "w") as file:
+        file.writestr("zipped_tuning.py", "SPEED = 5\n")
+    monkeypatch.syspath_prepend(tmp_path / "lib.zip")
+    agent = module("tuned", "from zipped_tuning import SPEED\nclass Agent: pass\n").Agent
+    assert code_of(agent).startswith("session ")
+    assert source_digest(agent) == ""
 
 
 def test_a_link_by_which_an_editor_locks_a_file_is_no_code(module, tmp_path):
