@@ -71,7 +71,7 @@ class Registry:
     """The names that one process knows. Asking for a name loads that entry and no other."""
 
     def __init__(self) -> None:
-        self._registered: dict[tuple[str, str], tuple[Entry, str]] = {}
+        self._registered: dict[tuple[str, str], Entry] = {}
         self._problems: dict[tuple[str, str], DriveRobustError] = {}
         self._perturbations: dict[str, type[Perturbation]] = {}  # those that were checked
         self._installed: dict[str, list[Entry]] | None = None  # entry points by kind: finding them reads disk
@@ -230,14 +230,12 @@ class Registry:
             raise UsageError(f"{name!r} of {kind} is registered with {target!r}, expected a class or a function.")
         definition = definition_of(target)
         known = self._registered.get((kind, name))
-        if known is not None and known[1] != definition:  # equal: a conftest.py was imported once more
+        if known is not None and known.origin != definition:  # equal: a conftest.py was imported once more
             raise UsageError(
-                f"{name!r} of {kind} is registered twice: by {known[0].origin} and by {definition}. Rename one of them."
+                f"{name!r} of {kind} is registered twice: by {known.origin} and by {definition}. Rename one of them."
             )
-        self._registered[kind, name] = (
-            Entry(kind, name, definition, lambda: target, argument=argument, registered=True),
-            definition,
-        )
+        entry = Entry(kind, name, definition, lambda: target, argument=argument, registered=True)
+        self._registered[kind, name] = entry
 
     def _all(self, kind: str) -> dict[str, list[Entry]]:
         if kind not in KINDS:
@@ -249,7 +247,7 @@ class Registry:
         found: dict[str, list[Entry]] = {}
         for entry in self._declared[kind]:
             found.setdefault(entry.name, []).append(entry)
-        for (registered_kind, name), (entry, _) in self._registered.items():
+        for (registered_kind, name), entry in self._registered.items():
             if registered_kind == kind:
                 found[name] = [entry]
         return found

@@ -100,10 +100,9 @@ class FolderStore:
             return False
 
     def _found(self, files: RecordFiles, key: str) -> EpisodeResult | None:
-        seen = (files.folder, key)
-        if seen in self._useless and self._useless[seen] == files.state(key):
+        seen, state = (files.folder, key), files.state(key)
+        if seen in self._useless and self._useless[seen] == state:
             return None  # looked at before, and nobody replaced it since
-        state = files.state(key)
         try:
             data = files.read(key)
         except OSError as error:
