@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `replay`."""
     parser.description = _DESCRIPTION
     parser.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
-    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Class")
     parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
     parser.add_argument("--seed", type=int, help="default: 0")
     add_pytest_option(parser, "--sim")
@@ -123,7 +123,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
             )
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
-        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
+        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Class.")
     sentence = options.setting if options.setting is not None else stored.episode.setting if stored else "clean"
     seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
     check_seeds([seed], source="--seed")
