@@ -29,6 +29,7 @@ from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
+from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.runner.scopes import check_severities
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -167,13 +168,15 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Drive both episodes, one after the other, with the same simulator and agent."""
-    agent = make_agent(registry, wanted.agent)
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
     episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
-    return [
-        _tape(f"under {setting}", simulator, agent, setting, route, episode)
-        for setting, episode in zip(settings, episodes, strict=True)
-    ]
+    with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
+        agent = make_agent(registry, wanted.agent)
+        one_thread.limit()  # also what the agent loaded
+        return [
+            _tape(f"under {setting}", simulator, agent, setting, route, episode)
+            for setting, episode in zip(settings, episodes, strict=True)
+        ]
 
 
 def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
