@@ -13,6 +13,7 @@ from pytest_drive_robust.registry.registry import AgentFactory, default_registry
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.runner.driver import make_agent
+from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.testing import check_agent
@@ -23,11 +24,19 @@ _NAME_COLUMNS = len("declarations")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `check-agent`."""
-    parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    parser.description = (
+        "Drives an agent for some seconds, again and again, and says what of the contract it keeps: methods, controls "
+        "in range, the same ones for the same seed, nothing left of the last episode, no ground truth."
+    )
+    parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Class")
     parser.add_argument("--seed", type=int, default=0, help="default: 0")
     add_pytest_option(parser, "--sim")
     add_pytest_option(parser, "--act-timeout")
-    parser.add_argument("--routes", metavar="SET", help="a set (full, one-per-scenario, dev10), a file, or FILE:id,id")
+    parser.add_argument(
+        "--routes",
+        metavar="SET",
+        help="a set (full, one-per-scenario, dev10), a file, or FILE:id,id; default: one route",
+    )
     parser.set_defaults(command=_check_agent)
 
 
@@ -47,16 +56,17 @@ def _check_agent(options: argparse.Namespace) -> int:
         for number, route in enumerate(routes if chosen else routes[:1], start=1):
             subject = f"{options.agent} on {route.label}"
             print(f"{subject}:", flush=True)
-            report = check_agent(
-                factory,
-                simulator=simulator,
-                route=route,
-                other_route=routes[number % len(routes)],
-                seed=options.seed,
-                subject=subject,
-                act_timeout_s=act_timeout_s,
-                told=lambda check: print(check.line(_NAME_COLUMNS), flush=True),
-            )
+            with OneThread():  # as in a run
+                report = check_agent(
+                    factory,
+                    simulator=simulator,
+                    route=route,
+                    other_route=routes[number % len(routes)],
+                    seed=options.seed,
+                    subject=subject,
+                    act_timeout_s=act_timeout_s,
+                    told=lambda check: print(check.line(_NAME_COLUMNS), flush=True),
+                )
             print(report.verdict)
             kept = kept and report.ok
     finally:

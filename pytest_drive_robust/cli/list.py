@@ -6,8 +6,9 @@ import argparse
 
 from pytest_drive_robust.cli.routes import print_sets
 from pytest_drive_robust.cli.tables import LEFT, print_table, say
-from pytest_drive_robust.errors import UnknownNameError
-from pytest_drive_robust.registry.registry import KINDS, default_registry
+from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
+from pytest_drive_robust.perturbations import Perturbation
+from pytest_drive_robust.registry.registry import KINDS, Registry, default_registry
 
 _LISTS = (*KINDS, "routes")
 
@@ -25,9 +26,24 @@ def _list(options: argparse.Namespace) -> int:
         if kind == "routes":
             print_sets()
         else:
-            print_table({"name": LEFT, "origin": LEFT}, default_registry().names(kind), title=kind)
-        if kind == "perturbations":
-            default_registry().perturbations()
-            for problem in default_registry().problems():
-                say(f"does not load: {problem}")
+            _print_kind(kind, default_registry())
     return 0
+
+
+def _print_kind(kind: str, registry: Registry) -> None:
+    if kind != "perturbations":
+        print_table({"name": LEFT, "origin": LEFT}, registry.names(kind), title=kind)
+        return
+    classes = registry.perturbations()
+    rows = [(name, _sentence(classes.get(name)), origin) for name, origin in registry.names(kind)]
+    print_table({"name": LEFT, "in a requirement": LEFT, "origin": LEFT}, rows, title=kind)
+    for problem in registry.problems():
+        say(f"does not load: {problem}")
+
+
+def _sentence(cls: type[Perturbation] | None) -> str:
+    """Return a usual sentence of a failure; nothing for one that does not load, or that has no usual severity."""
+    try:
+        return "" if cls is None else str(cls(**cls.example))
+    except (DriveRobustError, TypeError):
+        return ""

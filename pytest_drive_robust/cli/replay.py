@@ -30,6 +30,7 @@ from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, writ
 from pytest_drive_robust.runner.before_driving import check_route, routes_of
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.runner.episode.stored_controls import StoredControls
+from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.runner.scopes import check_severities
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -47,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `replay`."""
     parser.description = _DESCRIPTION
     parser.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
-    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Factory")
+    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Class")
     parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
     parser.add_argument("--seed", type=int, help="default: 0")
     add_pytest_option(parser, "--sim")
@@ -124,7 +125,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
             )
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
-        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Factory.")
+        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Class.")
     sentence = options.setting if options.setting is not None else stored.episode.setting if stored else "clean"
     seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
     check_seeds([seed], source="--seed")
@@ -166,13 +167,15 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Drive both episodes, one after the other, with the same simulator and agent."""
-    agent = make_agent(registry, wanted.agent)
     settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
     episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
-    return [
-        _tape(f"under {setting}", simulator, agent, setting, route, episode)
-        for setting, episode in zip(settings, episodes, strict=True)
-    ]
+    with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
+        agent = make_agent(registry, wanted.agent)
+        one_thread.limit()  # also what the agent loaded
+        return [
+            _tape(f"under {setting}", simulator, agent, setting, route, episode)
+            for setting, episode in zip(settings, episodes, strict=True)
+        ]
 
 
 def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:

@@ -62,7 +62,12 @@ _RUN = (
         "none: each verdict from evidence is wrong at most alpha of the time; holm: at most alpha of the time "
         "the whole run has a wrong fail",
     ),
-    Option("--drive-stuck-stop", "SECONDS", "", "end an episode when the ego stood this long; none: never"),
+    Option(
+        "--drive-stuck-stop",
+        "SECONDS",
+        "",
+        "end an episode once the ego stood this long; none: after 60 s, as officially",
+    ),
     Option(
         "--drive-store",
         "FOLDER",

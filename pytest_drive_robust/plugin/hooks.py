@@ -64,6 +64,8 @@ def pytest_configure(config: pytest.Config) -> None:
             with quick_import():
                 from pytest_drive_robust.plugin.activation import activate
             activate(config)
+        else:
+            _refuse_options_alone(config)
     except Exception as error:
         from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
 
@@ -126,6 +128,16 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     usage_errors = sys.modules.get("pytest_drive_robust.plugin.usage_errors")  # not loaded: nothing is wrong
     if usage_errors is not None:
         usage_errors.refuse_problems(session)
+
+
+def _refuse_options_alone(config: pytest.Config) -> None:
+    """Refuse an option of ours that was typed without the switch: all that drives would be skipped, and look green.
+
+    What `addopts` and PYTEST_ADDOPTS say is for the runs with the switch.
+    """
+    for word in map(str, config.invocation_params.args):
+        if word.partition("=")[0] in OPTIONS:
+            raise pytest.UsageError(f"{word} has no effect without --drive-robust: give that, too, or leave both out.")
 
 
 def _hide_names_of_outer(config: pytest.Config) -> None:

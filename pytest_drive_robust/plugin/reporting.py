@@ -82,7 +82,8 @@ class ReportingPlugin:
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
             whole = not self._deselected and every_test_ran(session)
-            problem = self._outputs.finish(whole=whole, ended_early=bool(early))
+            found_tests = bool(session.testscollected) or self._deselected
+            problem = self._outputs.finish(whole=whole, ended_early=bool(early), found_tests=found_tests)
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:

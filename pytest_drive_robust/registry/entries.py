@@ -138,7 +138,7 @@ class Entry:
             raise
         except BaseException as error:  # an import may also call sys.exit() or pytest.skip(), and others go on
             raise PluginError(
-                f"the entry {self.name!r} of {self.kind} from {self.origin} does not load: "
+                f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin} does not load: "
                 f"{type(error).__name__}: {error}. {self.advice}"
             ) from error
 
@@ -180,7 +180,8 @@ def from_reference(kind: str, reference: str) -> Entry:
         target: object = importlib.import_module(module)
         for part in attribute.split("."):
             if not hasattr(target, part):
-                public = [name for name in vars(target) if not name.startswith("_")]
+                offered = [name for name, value in vars(target).items() if name.isidentifier() and callable(value)]
+                public = [name for name in offered if not name.startswith("_")]
                 raise UnknownNameError.of(f"object in {module}", part, public)
             target = getattr(target, part)
         return target

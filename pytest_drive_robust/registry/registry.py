@@ -54,11 +54,11 @@ _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
 }
 """Names of each kind that come with this package, where they are, and what may follow them."""
 _HINTS: Mapping[str, str] = {
-    "agents": "Give 'module:Factory' to use your own, install a distribution that brings agents "
+    "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
     "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
     "(drive-robust reads that of a conftest.py with -p conftest.py).",
     "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
-    "simulators": "Give 'module:Factory' to use your own, or register one in pytest_drive_robust_register.",
+    "simulators": "Give 'module:Class' to use your own, or register one in pytest_drive_robust_register.",
     "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
 }
 
@@ -200,7 +200,9 @@ class Registry:
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=_HINTS[kind])
+            raise UnknownNameError.of(
+                kind.removesuffix("s"), name, syntaxes, hint=_module_here(kind, name) or _HINTS[kind]
+            )
         if len(known[name]) > 1:
             origins = " and ".join(entry.origin for entry in known[name])
             raise PluginError(
@@ -295,6 +297,14 @@ def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
     close = nearest(bare, [name for name in known if known[name][0].argument])
     here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
     return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+
+
+def _module_here(kind: str, name: str) -> str:
+    """Return how to name the class in a module that was given alone, or as a file; nothing where there is no file."""
+    module = name.removesuffix(".py").replace(os.sep, ".")
+    if kind not in ("agents", "simulators") or not os.path.isfile(f"{module.replace('.', os.sep)}.py"):
+        return ""
+    return f"A file of that name is here: give '{module}:Class' for the class in it."
 
 
 def _called(entry: Entry) -> str:

@@ -78,6 +78,13 @@ def test_every_link_inside_leads_to_a_page_and_a_place_on_it(pages: dict[Path, P
     assert broken == []
 
 
+def test_a_link_to_elsewhere_is_an_address_of_the_web(pages: dict[Path, Page]) -> None:
+    leading = {
+        link for page in pages.values() for link in page.links if urlsplit(link).scheme not in ("", "https", "http")
+    }
+    assert leading == set()
+
+
 def test_nothing_is_loaded_from_elsewhere(pages: dict[Path, Page]) -> None:
     assert [
         item for page in pages.values() for item in page.loaded if urlsplit(item).scheme or item.startswith("//")

@@ -364,6 +364,20 @@ def test_a_run_that_drove_nothing_is_not_green(suite, test, workers):
     result.stdout.fnmatch_lines(["NOT GREEN: --drive-robust was given but no episode was driven*"])
 
 
+def test_where_there_is_no_test_the_next_step_is_to_write_one(suite, tmp_path):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    result = run(suite(), empty)
+    assert result.ret == 5
+    result.stdout.fnmatch_lines(["NOT GREEN: * No test was found: name the folder of a suite, or *drive-robust init*"])
+
+
+def test_where_tests_were_left_out_the_next_step_is_to_select_some(suite):
+    result = run(suite("DS under clean >= 90"), "-k", "nothing_of_that_name")
+    assert result.ret == 5
+    result.stdout.fnmatch_lines(["NOT GREEN: * Select tests that use the drive fixture*"])
+
+
 def test_values_with_intervals_can_be_compared_in_plain_asserts(suite):
     test = """
 import pytest

@@ -22,6 +22,20 @@ def test_a_fixture_that_is_asked_for_late_skips_too(suite):
     result.stdout.fnmatch_lines(["SKIPPED*needs --drive-robust"])
 
 
+@pytest.mark.parametrize("option", [("--drive-agent", "steady"), ("--drive-plan",), ("--drive-verdict=point",)])
+def test_an_option_that_is_typed_without_the_switch_is_refused(suite, option):
+    result = suite("DS under clean >= 90").runpytest_inprocess(*option)
+    assert result.ret == 4
+    result.stderr.fnmatch_lines([f"ERROR: {option[0]} has no effect without --drive-robust: give that, too*"])
+
+
+def test_options_for_every_run_do_not_need_the_switch(suite, monkeypatch):
+    folder = suite("DS under clean >= 90")
+    folder.makeini("[pytest]\naddopts = --drive-verdict=point\ndrive_agent = steady\n")
+    monkeypatch.setenv("PYTEST_ADDOPTS", "--drive-workers=1")
+    folder.runpytest_inprocess().assert_outcomes(skipped=1)
+
+
 def test_nothing_is_written_to_disk(suite):
     folder = suite("DS under clean >= 90")
     before = set(folder.path.iterdir()) | {folder.path / "__pycache__"}

@@ -22,5 +22,8 @@ def list_table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def escaped(words: str) -> str:
-    """Return words of our own for reStructuredText: `code` is code by the default role, stars stay stars."""
-    return re.sub(r"([*|\\])", r"\\\1", words)
+    """Return words of our own for reStructuredText: `code` is code by the default role, stars stay stars.
+
+    Nor does `FILE:id` become a link to an address.
+    """
+    return re.sub(r"([*|\\]|(?<=FILE):)", r"\\\1", words)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import pytest
 
 AGENTS = """
@@ -17,6 +19,12 @@ class Good:
 
 class Bad(Good):
     def act(self, observation): return None
+
+class OneThreaded(Good):
+    def act(self, observation):
+        import cv2
+        assert cv2.getNumThreads() == 1, "as in a worker process"
+        return super().act(observation)
 """
 
 
@@ -27,6 +35,15 @@ def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     return tmp_path
+
+
+@pytest.fixture
+def two_threads() -> Iterator[None]:
+    """OpenCV computes on two threads, whatever the machine has."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    yield
+    cv2.setNumThreads(before)
 
 
 @pytest.fixture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import pytest
 
 from pytest_drive_robust.cli.main import main
@@ -26,6 +27,12 @@ def test_an_agent_that_breaks_the_contract_exits_with_1(capsys: pytest.CaptureFi
     shown = capsys.readouterr().out
     assert "breaks the contract" in shown
     assert "act returned None" in shown
+
+
+@pytest.mark.usefixtures("two_threads")
+def test_libraries_compute_on_one_thread_as_in_a_run() -> None:
+    assert main(["check-agent", "cli_agents:OneThreaded", "--sim", FAKE]) == 0
+    assert cv2.getNumThreads() == 2
 
 
 BROKEN = """

@@ -16,6 +16,12 @@ def test_list_shows_every_kind_with_its_origin(capsys: pytest.CaptureFixture[str
         assert word in shown
 
 
+def test_a_perturbation_is_shown_with_the_sentence_that_one_types(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["list", "perturbations"]) == 0
+    shown = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["inference-latency", "200", "ms", "latency", "built", "in"] in shown
+
+
 def test_list_of_one_kind_shows_no_other(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "simulators"]) == 0
     shown = capsys.readouterr().out

@@ -10,6 +10,7 @@ import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import cv2
 import pytest
 
 from pytest_drive_robust.cli.main import main
@@ -39,6 +40,12 @@ class Secretive(Good):
 
 class Bad(Good):
     def act(self, observation): return None
+
+class OneThreaded(Good):
+    def act(self, observation):
+        import cv2
+        assert cv2.getNumThreads() == 1, "as in a worker process"
+        return super().act(observation)
 
 class Slow(Good):
     def act(self, observation):
@@ -109,6 +116,13 @@ def test_the_file_is_named_after_its_episode(folder: Path, capsys: pytest.Captur
     assert f"{name}: " in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("two_threads")
+def test_libraries_compute_on_one_thread_as_in_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*(part.replace("Good", "OneThreaded") for part in GOOD), "--no-video"]) == 0
+    assert "agent_error" not in capsys.readouterr().out
+    assert cv2.getNumThreads() == 2
+
+
 def test_films_of_two_agents_and_two_seeds_do_not_replace_each_other(folder: Path) -> None:
     pytest.importorskip("av")
     other = [part.replace("Good", "Slow") for part in GOOD]
@@ -120,8 +134,6 @@ def test_films_of_two_agents_and_two_seeds_do_not_replace_each_other(folder: Pat
 def test_without_an_encoder_a_strip_of_pictures_takes_its_place(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    import cv2
-
     monkeypatch.setitem(sys.modules, "av", None)
     assert main([*GOOD, *LATE, "--out", "film.mp4"]) == 0
     captured = capsys.readouterr()

@@ -134,12 +134,24 @@ def test_the_same_definition_may_register_again_as_when_a_conftest_is_imported_t
 def test_an_unknown_name_is_answered_with_the_nearest_one_and_how_to_register() -> None:
     registry = Registry()
     registry.register_agent("expert-driver", _scripted)
-    with pytest.raises(UnknownNameError, match=r"Did you mean 'expert-driver'\?.*module:Factory"):
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'expert-driver'\?.*module:Class"):
         registry.agent("expert-drivr")
     with pytest.raises(UnknownNameError, match="Did you mean 'gps-noise'"):
         registry.perturbation("gps-nose")
     with pytest.raises(UnknownNameError, match="Did you mean 'agents'"):
         registry.names("agent")
+
+
+@pytest.mark.parametrize("given", ["my_own_agent", "my_own_agent.py"])
+def test_a_module_in_the_place_of_its_class_is_answered_with_how_to_name_the_class(
+    given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my_own_agent.py").write_text("import math\n\nclass Mine:\n    pass\n")
+    with pytest.raises(UnknownNameError, match="give 'my_own_agent:Class' for the class in it"):
+        Registry().agent(given)
+    with pytest.raises(UnknownNameError, match=r"no object in my_own_agent named 'Yours'\. Known: Mine\."):
+        Registry().agent("my_own_agent:Yours")
 
 
 def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
@@ -364,7 +376,7 @@ def test_a_module_in_the_current_folder_is_no_misspelt_name(several_kinds, tmp_p
 
 def test_a_module_of_a_package_is_no_misspelt_name(several_kinds):
     several_kinds.register_simulator("my.towns", town, argument="TOWN")
-    with pytest.raises(PluginError, match=r"'my\.town:Sim' of simulators .* does not load: ModuleNotFoundError"):
+    with pytest.raises(PluginError, match=r"the simulator 'my\.town:Sim' from .* does not load: ModuleNotFoundError"):
         several_kinds.simulator("my.town:Sim")
 
 
