@@ -133,8 +133,10 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 def _refuse_options_alone(config: pytest.Config) -> None:
     """Refuse an option of ours that was typed without the switch: all that drives would be skipped, and look green.
 
-    What `addopts` and PYTEST_ADDOPTS say is for the runs with the switch.
+    What `addopts` and PYTEST_ADDOPTS say is for the runs with the switch; what is collected only is no run.
     """
+    if config.option.collectonly:
+        return
     for word in map(str, config.invocation_params.args):
         if word.partition("=")[0] in OPTIONS:
             raise pytest.UsageError(f"{word} has no effect without --drive-robust: give that, too, or leave both out.")

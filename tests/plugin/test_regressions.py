@@ -161,7 +161,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
-        (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' of agents from module aaa"),
+        (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' from module aaa"),
         (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),

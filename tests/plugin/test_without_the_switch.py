@@ -34,6 +34,7 @@ def test_options_for_every_run_do_not_need_the_switch(suite, monkeypatch):
     folder.makeini("[pytest]\naddopts = --drive-verdict=point\ndrive_agent = steady\n")
     monkeypatch.setenv("PYTEST_ADDOPTS", "--drive-workers=1")
     folder.runpytest_inprocess().assert_outcomes(skipped=1)
+    assert folder.runpytest_inprocess("--collect-only", "--drive-verdict=list").ret == 0  # what is collected is no run
 
 
 def test_nothing_is_written_to_disk(suite):
