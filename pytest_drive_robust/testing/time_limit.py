@@ -18,6 +18,8 @@ _CALLS = ("sensors", "reset", "act", "act_batch", "plan")
 _AGAIN_S = 1.0
 """Code that catches everything is interrupted once more."""
 _AT_ONCE_S = 1e-6
+_LONGEST_S = 3e7
+"""A year. A timer of macOS takes three, one of Linux many."""
 
 
 class _TimeIsUpError(SystemExit):
@@ -43,7 +45,7 @@ def _limited(call: Callable[..., Any], limit_s: float) -> Callable[..., Any]:
     def limited(*given: Any) -> Any:
         before = signal.signal(signal.SIGALRM, _end)
         started_s = time.monotonic()
-        left_s, again_s = signal.setitimer(signal.ITIMER_REAL, min(limit_s, threading.TIMEOUT_MAX), _AGAIN_S)
+        left_s, again_s = signal.setitimer(signal.ITIMER_REAL, min(limit_s, _LONGEST_S), _AGAIN_S)
         try:
             return call(*given)
         except _TimeIsUpError as error:
