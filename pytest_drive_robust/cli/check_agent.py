@@ -13,7 +13,6 @@ from pytest_drive_robust.registry.registry import AgentFactory, default_registry
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.runner.driver import make_agent
-from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.testing import check_agent
@@ -56,17 +55,16 @@ def _check_agent(options: argparse.Namespace) -> int:
         for number, route in enumerate(routes if chosen else routes[:1], start=1):
             subject = f"{options.agent} on {route.label}"
             print(f"{subject}:", flush=True)
-            with OneThread():  # as in a run
-                report = check_agent(
-                    factory,
-                    simulator=simulator,
-                    route=route,
-                    other_route=routes[number % len(routes)],
-                    seed=options.seed,
-                    subject=subject,
-                    act_timeout_s=act_timeout_s,
-                    told=lambda check: print(check.line(_NAME_COLUMNS), flush=True),
-                )
+            report = check_agent(
+                factory,
+                simulator=simulator,
+                route=route,
+                other_route=routes[number % len(routes)],
+                seed=options.seed,
+                subject=subject,
+                act_timeout_s=act_timeout_s,
+                told=lambda check: print(check.line(_NAME_COLUMNS), flush=True),
+            )
             print(report.verdict)
             kept = kept and report.ok
     finally:

@@ -18,6 +18,8 @@ from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
 from pytest_drive_robust.store.reuse import ends_reusable
 
 _DAY_S = 86_400.0
+_TEMPORARY = ("episodes/*/.*.tmp", ".now-*.tmp", "..gitignore-*.tmp", ".CACHEDIR-*.tmp")
+"""What a writer that died may leave: the root folder may also hold what is not ours."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +132,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     states = {key: files.state(key) for key in files.all_keys()}  # before the index reads them
     records = [files.path(row.key) for row in indexed_episodes(files) if not row.problem and goes(row)]
     aside = _set_aside(folder)
-    halves = [path for path in folder.glob("episodes/*/.*.tmp") if _age_s(path, now_s) > _DAY_S]
+    halves = [path for ours in _TEMPORARY for path in folder.glob(ours) if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
     sizes = {path: _size(path) for path in (*records, *aside, *halves)}
     problems: list[str] = []

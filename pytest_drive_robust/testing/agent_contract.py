@@ -17,6 +17,7 @@ from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.runner.cache_key.declared import undeclared
 from pytest_drive_robust.runner.cache_key.identity import weights_digest
 from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, blame
+from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
@@ -53,16 +54,19 @@ def check_agent(
     `FakeSimulator`; give your own for an agent that needs a real scene. `other_route` is what the agent drives in
     between when we look whether `reset` forgets (the same route with another seed when it is left out). `told` is
     given each check as soon as it is known. A call of the agent may take `act_timeout_s` seconds; as that takes
-    signals, it is for the main thread, and not for Windows. Nothing is raised for what the agent does.
+    signals, it is for the main thread, and not for Windows. Libraries compute on one thread meanwhile, as in a run.
+    Nothing is raised for what the agent does.
     """
     world = simulator or FakeSimulator(SimulatorOptions(tick_cap=_EPISODE_TICKS))
     name = subject or getattr(agent_factory, "__name__", type(agent_factory).__name__)
     other = other_route or route or fake_route("2", length_m=_OTHER_LENGTH_M)
     trial = _Trial(agent_factory, world, route or fake_route(), other, seed, act_timeout_s)
     checks = []
-    for check in trial.checks():
-        told(check)
-        checks.append(check)
+    with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
+        for check in trial.checks():
+            one_thread.limit()  # the first one loads what the agent imports
+            told(check)
+            checks.append(check)
     return ContractReport(name, tuple(checks))
 
 

@@ -8,6 +8,7 @@ import random
 import sys
 from collections.abc import Callable, Sequence
 
+import cv2
 import pytest
 
 from pytest_drive_robust.domain.agent import PlannedPath
@@ -82,6 +83,23 @@ def test_a_time_limit_that_is_kept_changes_nothing() -> None:
     assert [check.ok for check in check_agent(Good, act_timeout_s=60.0).checks] == [
         check.ok for check in check_agent(Good).checks
     ]
+
+
+def test_libraries_compute_on_one_thread_as_in_a_run_and_on_as_many_as_before_afterwards() -> None:
+    seen: set[int] = set()
+
+    class Counting(Good):
+        def act(self, observation: Observation) -> Control:
+            seen.add(cv2.getNumThreads())
+            return super().act(observation)
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(2)
+    try:
+        assert check_agent(Counting).ok
+        assert (seen, cv2.getNumThreads()) == ({1}, 2)
+    finally:
+        cv2.setNumThreads(before)
 
 
 def test_missing_methods_are_named() -> None:

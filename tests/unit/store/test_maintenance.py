@@ -70,6 +70,15 @@ def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
     (store.folder / "aside").mkdir()
     (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
     age(half, 2)
+    mine = store.folder / ".mine.tmp"
+    mine.touch()
+    age(mine, 2)
+    for name in (".now-1.tmp", "..gitignore-1-0a.tmp", ".CACHEDIR-1-0a.tmp"):
+        (store.folder / name).touch()
+    assert sweep(store.folder, dry=True).leftovers == 1  # those at the root are of today
+    for name in (".now-1.tmp", "..gitignore-1-0a.tmp", ".CACHEDIR-1-0a.tmp"):
+        age(store.folder / name, 2)
+    assert sweep(store.folder, dry=True).leftovers == 4
     assert sweep(store.folder).records == 0  # bb02 is of today
     (store.folder / "aside" / "aa09.episode").write_bytes(b"12345")
     half.write_bytes(b"123")
@@ -86,6 +95,7 @@ def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
         "bb01.episode",
     ]
     assert list((store.folder / "aside").iterdir()) == []
+    assert list(store.folder.glob("*.tmp")) == [mine]
 
 
 def test_sweeping_takes_old_records_and_those_of_an_agent_when_asked(store):
