@@ -331,6 +331,29 @@ def test_equal_limits_stand_at_equal_places(opened, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("comparison", "limit", "ends"),
+    [(">=", 50.0, [(4.0, 100.0), (4.0, 80.8)]), ("<=", 20.0, [(42.4, 196.0), (61.6, 196.0)])],
+)
+def test_what_a_pass_from_evidence_stays_out_of_is_darker(opened, tmp_path, comparison, limit, ends):
+    judged = judged_as(
+        "pass", 45.0, limit=limit, comparison=comparison, low=41.0, high=49.0, rule="evidence", margin=10.0
+    )
+    page = opened(report_of(tmp_path, make_result("101"), judged=[judged])).go()
+    drawn = [
+        [float(part.get_attribute(name)) for name in ("x", "width")]
+        for part in page.locator(".bullet .forbidden").all()
+    ]
+    assert [(round(x, 3), round(x + width, 3)) for x, width in drawn] == ends, "from the limit and from its margin on"
+    assert "darker beyond its margin" in text(page, "main .legend")
+
+
+def test_rules_without_a_margin_have_one_shade(opened, tmp_path):
+    page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 55.0, rule="point")])).go()
+    assert page.locator(".bullet .forbidden").count() == 1
+    assert "darker" not in text(page, "main .legend")
+
+
+@pytest.mark.parametrize(
     ("rule", "level", "interval"),
     [("evidence", "90 %", "90 % interval on routes like these"), ("list", "95 %", "95 % interval 40")],
 )

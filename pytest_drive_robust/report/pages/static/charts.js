@@ -31,13 +31,15 @@ driveRobust.charts = (() => {
   /* An interval, the value in it and the limit, on one line from `low` to `high`, which are written where `ends` says so. */
   function bullet(item, [low, high], ends) {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
-    const [width, height] = [150, ends ? 32 : 22];
+    const [width, height] = [200, ends ? 32 : 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
     const words = `${item.metric} ${shownBeside(item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
+    const beyond = (value) => h("rect", { class: "forbidden", x: item.comparison === "<=" ? x(value) : 4, y: 7, width: item.comparison === "<=" ? width - 4 - x(value) : x(value) - 4, height: 8 });
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },
       h("title", {}, words),
-      h("rect", { class: "forbidden", x: item.comparison === "<=" ? x(item.limit) : 4, y: 7, width: Math.max(0, item.comparison === "<=" ? width - 4 - x(item.limit) : x(item.limit) - 4), height: 8 }),
+      beyond(item.limit),
+      item.lenient === null ? null : beyond(item.lenient),
       h("line", { class: "axis", x1: 4, x2: width - 4, y1: 11, y2: 11 }),
       h("line", { class: "interval", x1: x(from), x2: x(to), y1: 11, y2: 11 }),
       h("line", { class: "limit", x1: x(item.limit), x2: x(item.limit), y1: 3, y2: 19 }),
