@@ -51,10 +51,12 @@ def read(paths: Sequence[Path], replaced: Collection[str] = (), only: Collection
     parts: dict[tuple[str, int], list[_Part]] = defaultdict(list)
     for number, path in enumerate(paths):
         found = read_file(path)
-        if number == 0:
-            found = _without(found, replaced, path)
         if only:
             found = _with(found, only, path)
+        if number == 0:
+            found = _without(found, replaced, path)
+        if not found.agents:  # all of them replaced: the world and the routes of that file are nobody's
+            continue
         _check_world(world or found.world, found.world, path)
         world = found.world
         _check_definitions(routes, found.routes, path)
