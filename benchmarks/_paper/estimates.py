@@ -97,18 +97,23 @@ def rd_means(drives: Drives, agent: str, rows: Sequence[str]) -> Means | None:
 
 
 def efficiency_means(drives: Drives, agent: str, row: str) -> tuple[Means, Means] | None:
-    """Return the efficiency clean and in a row, over the routes that have data in both."""
+    """Return the efficiency clean and in a row, over the routes that have data in both, with the same seed."""
     pair = drives.pair(agent, row)
     if pair is None:
         return None
+    of_seeds = [
+        zip(before.efficiency, after.efficiency, strict=True)
+        for before, after in zip(pair[0].of_seeds, pair[1].of_seeds, strict=True)
+    ]
     both = [
-        (before, after)
-        for before, after in zip(pair[0].efficiency, pair[1].efficiency, strict=True)
-        if before is not None and after is not None
+        known
+        for of_route in zip(*of_seeds, strict=True)
+        if (known := [(before, after) for before, after in of_route if before is not None and after is not None])
     ]
     if len(both) < 2:
         return None
-    return _means([before for before, _ in both]), _means([after for _, after in both])
+    before, after = ([mean([values[side] for values in known]) for known in both] for side in (0, 1))
+    return _means(before), _means(after)
 
 
 def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> IntervalEstimate | None:

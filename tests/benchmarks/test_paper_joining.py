@@ -50,6 +50,16 @@ def test_other_weights_replace_their_agent_on_all_routes_at_once(tmp_path: Path)
     assert found.agents["vad"] == joining.read(files[1:2]).agents["vad"]
 
 
+def test_a_file_that_is_replaced_whole_leaves_neither_its_routes_nor_its_world(tmp_path: Path) -> None:
+    files = saved(tmp_path, report("tcp", ALIKE), report("tcp", ALIKE, routes=4))
+    alone = joining.read(files[1:])
+    assert joining.read(files, replaced=["tcp"]) == joining.read(files, replaced=["tcp"], only=["tcp"]) == alone
+    newer = report("tcp", ALIKE, routes=4)
+    newer["versions"]["simulator"] = "made-up 2"
+    files[1].write_text(json.dumps(newer), encoding="utf-8")
+    assert joining.read(files, replaced=["tcp"]).world == {"simulator": "made-up 2"}
+
+
 @pytest.mark.parametrize(
     ("replaced", "said"),
     [
@@ -117,6 +127,20 @@ def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
     assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
     assert f"{len(CLEAN_DS)} routes, seeds 0 and 1, simulator" in texts.table_text(found)
     assert results.results_of(json.loads(results.text_of(found))) == found
+
+
+def test_efficiency_is_compared_with_that_of_the_same_route_and_seed(tmp_path: Path) -> None:
+    parts = [with_seed(report("tcp", ALIKE), seed) for seed in (0, 1)]
+    for seed, part in enumerate(parts):
+        for episode in part["episodes"]:
+            if episode["route_id"] == "101":  # clean has no data with seed 0, the row none with seed 1
+                alone = seed == (episode["setting"] == CLEAN)
+                episode["speed_ratios_pct"] = [20.0 if episode["setting"] == CLEAN else 180.0] if alone else []
+    pair = estimates.efficiency_means(
+        Drives(joining.read(saved(tmp_path, *parts)), READINGS[0]), "tcp", "occlusion 0.5"
+    )
+    assert pair is not None
+    assert [side[0] for side in pair] == pytest.approx([100.0, 100.0])
 
 
 def test_a_report_of_one_seed_is_put_over_results_of_several(tmp_path: Path) -> None:
