@@ -1,0 +1,128 @@
+"""What the pages say of the committed table of the paper is what `results.json` holds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from _paper.agreement import agreement
+from _paper.estimates import Means, degradation, driving_score, efficiency, rd_means, success_rate
+from _paper.joining import read
+from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS
+from _paper.readings import READINGS, SAME, Drives
+from _paper.results import Results, Scores, SeedScores
+
+from pytest_drive_robust.stats.quantiles import normal_quantile
+
+BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+PAGE = (BENCHMARKS / "paper" / "README.md").read_text(encoding="utf-8")
+COUNTS = ("no", "one", "two", "three", "four", "five")
+
+
+def part(results: Results, kept: Callable[[str], bool]) -> Results:
+    """Return what was driven on some of the routes; comfort, which is of no single route, stays that of all."""
+    places = [place for place, route in enumerate(results.routes) if kept(route)]
+
+    def of(one: SeedScores) -> SeedScores:
+        columns = (one.driving_score, one.success, one.efficiency)
+        return SeedScores(*(tuple(column[place] for place in places) for column in columns), one.comfort)
+
+    agents = {
+        name: replace(
+            driven,
+            settings={setting: Scores(tuple(map(of, scores.of_seeds))) for setting, scores in driven.settings.items()},
+        )
+        for name, driven in results.agents.items()
+    }
+    routes = {route: facts for route, facts in results.routes.items() if kept(route)}
+    return replace(results, routes=routes, agents=agents)
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    return read([BENCHMARKS / "paper" / "results.json"])
+
+
+@pytest.fixture(scope="module")
+def parts(results: Results) -> Sequence[Results]:
+    """The first route of each type, the second ones, and so on."""
+    numbers = sorted({int(route) % 100 for route in results.routes})
+    return [part(results, lambda route, number=number: int(route) % 100 == number) for number in numbers]
+
+
+def test_the_page_counts_routes_and_episodes(results: Results) -> None:
+    settings = {len(driven.settings) for driven in results.agents.values()}
+    episodes = len(results.routes) * len(results.seeds) * len(AGENTS) * settings.pop()
+    assert not settings
+    assert f"{len(results.routes)}, with seed" in PAGE
+    assert f"{episodes:,} episodes" in PAGE
+
+
+def test_the_table_of_the_parts_is_counted(parts: Sequence[Results]) -> None:
+    rows = {row[1]: row[0] for row in re.findall(r"^(\| `(\w+)` \| .* \|)$", PAGE, re.MULTILINE)}
+    for agent in AGENTS:
+        scores = [driving_score(Drives(one, READINGS[0]), agent, (CLEAN,)).value for one in parts]
+        cells = [", ".join(f"{score:.1f}" for score in scores)]
+        for reading in READINGS:
+            for name in ("avg. perturbed", "avg. latency"):
+                lost = [degradation(Drives(one, reading), agent, AVERAGES[name]).value for one in parts]
+                cells.append(", ".join(f"{rd + 0.0:.2f}".replace("-0.00", "0.00") for rd in lost))
+        assert rows[agent] == f"| `{agent}` | {' | '.join(cells)} |"
+
+
+def test_the_rank_correlations_of_the_parts_are_counted(parts: Sequence[Results]) -> None:
+    equations, code = (
+        [f"{agreement(Drives(one, reading), SETTINGS).correlation.value:.2f}" for one in parts] for reading in READINGS
+    )
+    first = f"{', '.join(code[:-1])} and {code[-1]} by the released code"
+    assert f"{first}, {', '.join(equations[:-1])} and {equations[-1]} by the equations" in PAGE
+
+
+def error(means: Means) -> float:
+    """Return the jackknife's standard error."""
+    left_out = means[1:]
+    return float(np.sqrt((len(left_out) - 1) / len(left_out) * ((left_out - left_out.mean()) ** 2).sum()))
+
+
+def test_the_settings_in_which_the_parts_differ_are_counted(parts: Sequence[Results]) -> None:
+    apart = []
+    rows = [(reading, row) for reading in READINGS for row in SETTINGS if reading == READINGS[0] or row not in SAME]
+    for reading, row in rows:
+        for agent in AGENTS:
+            for first, second in combinations([rd_means(Drives(one, reading), agent, (row,)) for one in parts], 2):
+                if abs(first[0] - second[0]) > normal_quantile(0.975) * np.hypot(error(first), error(second)):
+                    apart.append(agent)
+    assert f"settings, {len(rows) * len(AGENTS)} of which" in PAGE
+    assert f"{COUNTS[len(apart)]} pairs are as far apart as chance makes one in twenty" in PAGE
+    assert set(apart) == {"tcp"}  # as the page says
+
+
+def test_the_fourth_routes_are_those_that_the_page_tells_of(results: Results) -> None:
+    files = [BENCHMARKS / "paper" / name for name in ("results.json", "fourth-routes.json")]
+    if not files[1].exists():  # all four agents have driven them
+        assert files[1].name not in PAGE
+        return
+    agents = list(read(files[1:]).agents)
+    more = read(files, only=agents)
+    assert f"With these {len(more.routes)} routes" in PAGE
+    for agent in agents:
+        clean = Drives(more, READINGS[0])
+        score, successes = (of(clean, agent, (CLEAN,)) for of in (driving_score, success_rate))
+        assert f"{score.value:.1f} ({score.low:.0f} to {score.high:.0f})" in PAGE
+        assert f"{100 * successes.value:.0f} % ({100 * successes.low:.0f} to {100 * successes.high:.0f})" in PAGE
+        for reading in READINGS:
+            for rows in AVERAGES.values():
+                lost = [degradation(Drives(one, reading), agent, rows).value for one in (more, results)]
+                assert abs(lost[0] - lost[1]) < 0.02
+
+
+def test_efficiency_beside_that_of_the_paper(results: Results) -> None:
+    drives = Drives(results, READINGS[0])
+    shares = [efficiency(drives, agent, (CLEAN,)) / PUBLISHED[agent][CLEAN].efficiency for agent in AGENTS]
+    page = (BENCHMARKS / "vehicle.md").read_text(encoding="utf-8")
+    assert f"{min(shares):.2f} to {max(shares):.2f} of the paper's for all four" in page
