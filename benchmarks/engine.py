@@ -116,7 +116,7 @@ def framework(rounds: int) -> Rows:
     pairs = [[(cpu_s(bare, route), cpu_s(driven, route)) for _ in range(2 * rounds)] for route in routes]
     least = [[min(side) for side in zip(*of_route, strict=True)] for of_route in pairs]
     alone, whole = (sum(side) for side in zip(*least, strict=True))
-    requests = [_task(route, 0) for route in routes]
+    requests = [_request(route, 0) for route in routes]
     shares = [marginal_cpu_of_workers(requests) / sum(cpu_s(driven, route) for route in routes) for _ in range(rounds)]
     return [
         ("drive_episode / bare loop, the fastest of each", f"{whole / alone:.3f}"),
@@ -182,7 +182,7 @@ def cpu_of_workers(requests: list[EpisodeRequest]) -> float:
 
 
 def scaling(rounds: int) -> Rows:
-    requests = [_task(route, seed) for seed in range(4) for route in named_routes("dev10")]
+    requests = [_request(route, seed) for seed in range(4) for route in named_routes("dev10")]
 
     def pool(slots: int) -> float:
         return drive_all(ProcessExecutor(worker_setup, Limits(), slots=slots), requests)
@@ -304,7 +304,7 @@ def worker_setup() -> WorkerSetup:
     return WorkerSetup(tuple(sys.path), os.getcwd(), (), "embedded", OPTIONS, preload_agents=(AGENT,))
 
 
-def _task(route: Route, seed: int) -> EpisodeRequest:
+def _request(route: Route, seed: int) -> EpisodeRequest:
     return EpisodeRequest(Episode(AGENT, route.id, "clean", seed), route, Setting.CLEAN)
 
 

@@ -46,11 +46,11 @@ from pytest_drive_robust.verdict.explain import describe_outcome
 
 SETTINGS = "clean,100 ms latency,200 ms latency"
 ALLOWED = 0.05
-TASKS_AT_ONCE = 4
+DRIVES_AT_ONCE = 4
 
 
 @dataclass(frozen=True)
-class EpisodeRequest:
+class Drive:
     agent: str
     late_ms: int
     route: Route
@@ -69,20 +69,20 @@ def made(agent: str, late_ms: int) -> tuple[Simulator, Agent]:
     return simulator, LateAgent(registry.agent(agent), late_ms)
 
 
-def drive(task: EpisodeRequest) -> EpisodeResult:
-    simulator, agent = made(task.agent, task.late_ms)
-    setting = Setting.parse(task.setting)
-    return drive_episode(simulator, agent, route=task.route, setting=setting, seed=task.seed, agent_name=task.agent)
+def drive(asked: Drive) -> EpisodeResult:
+    simulator, agent = made(asked.agent, asked.late_ms)
+    setting = Setting.parse(asked.setting)
+    return drive_episode(simulator, agent, route=asked.route, setting=setting, seed=asked.seed, agent_name=asked.agent)
 
 
-def drive_all(tasks: Sequence[EpisodeRequest], workers: int) -> list[EpisodeResult]:
-    """Return every episode's result, in the order of `tasks`."""
+def drive_all(asked: Sequence[Drive], workers: int) -> list[EpisodeResult]:
+    """Return every episode's result, in the order of `asked`."""
     os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS"), "1"))
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     context = multiprocessing.get_context("spawn")
     with Progress(*columns) as progress, ProcessPoolExecutor(workers, mp_context=context) as pool:
-        results = pool.map(drive, tasks, chunksize=TASKS_AT_ONCE)
-        return list(progress.track(results, total=len(tasks), description="episodes"))
+        results = pool.map(drive, asked, chunksize=DRIVES_AT_ONCE)
+        return list(progress.track(results, total=len(asked), description="episodes"))
 
 
 def mean_ds(snapshots: Sequence[Snapshot], agent: str, setting: str) -> float:
@@ -111,7 +111,7 @@ def witness(comparison: Comparison, given: argparse.Namespace, late_ms: int, rou
     if flip is None:
         return f"{regression.setting}: no route flipped"
     route = next(route for route in routes if route.id == flip.after.route_id)
-    again = drive(EpisodeRequest(given.agent, late_ms, route, regression.setting, flip.after.worst_seed))
+    again = drive(Drive(given.agent, late_ms, route, regression.setting, flip.after.worst_seed))
     shown = describe_outcome(again)
     same = "the same" if shown == flip.after.outcome else f"NOT THE SAME: {shown}"
     return (
@@ -137,13 +137,13 @@ def main() -> None:
     routes, settings = resolve_routes(given.routes), given.settings.split(",")
     cases = [(0, given.fresh), *((int(text), given.planted) for text in given.late.split(","))]
     drives = [(0, 0), *((late_ms, seed) for late_ms, count in cases for seed in range(1, count + 1))]
-    tasks = [
-        EpisodeRequest(given.agent, late_ms, route, setting, seed)
+    asked = [
+        Drive(given.agent, late_ms, route, setting, seed)
         for late_ms, seed in drives
         for setting in settings
         for route in routes
     ]
-    results = drive_all(tasks, given.workers)
+    results = drive_all(asked, given.workers)
     size = len(settings) * len(routes)
     snapshots = {
         drive: snapshot_of_results(
