@@ -2,7 +2,8 @@
 
 Efficiency compares an agent with its traffic, and that differs between worlds; metres per second do not. Files are
 reports of `--drive-json`, and results of the official evaluator (a file or a folder), as the authors of TCP, UniAD and
-VAD published them beside their code. Reports of the same agent are one row:
+VAD published them beside their code. Reports of the same agent are one row, and of an episode that is in several of
+them the last one counts:
 
     python benchmarks/speeds.py tcp.json vad.json TCP-only-traj.json UniAD-Base.json VAD.json
 
@@ -16,7 +17,7 @@ import argparse
 import json
 import statistics
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -42,8 +43,11 @@ class Driven:
     completed: bool
 
 
-def drives_of(path: Path) -> Iterator[tuple[str, list[Driven]]]:
-    """Yield each agent of a file with its clean drives. Raises `UsageError` for a file of neither kind."""
+def drives_of(path: Path) -> Iterator[tuple[str, Mapping[object, Driven]]]:
+    """Yield each agent of a file with its clean drives, by what tells them apart: route and seed, or place in the file.
+
+    Raises `UsageError` for a file of neither kind.
+    """
     report = _report(path)
     if report is None:
         records = read_results(path).records
@@ -52,17 +56,19 @@ def drives_of(path: Path) -> Iterator[tuple[str, list[Driven]]]:
             for record in records
             if not record.is_harness_error and record.game_s > 0.0
         ]
-        yield path.stem, whole
+        yield path.stem, {(path, place): drive for place, drive in enumerate(whole)}
         return
     clean = [episode for episode in report["episodes"] if episode["setting"] == CLEAN and episode["ticks"]]
     for agent in dict.fromkeys(episode["agent"] for episode in clean):
         yield (
             agent,
-            [
-                Driven(one["route_length_m"], one["game_s"], one["outcome"] == Outcome.COMPLETED.value)
+            {
+                (one["route_id"], one["seed"]): Driven(
+                    one["route_length_m"], one["game_s"], one["outcome"] == Outcome.COMPLETED.value
+                )
                 for one in clean
                 if one["agent"] == agent
-            ],
+            },
         )
 
 
@@ -97,13 +103,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     table = Table(title="m/s of completed routes, without failures")
     for name in ("agent", "drives", "completed", "median m/s (quartiles)", "mean s"):
         table.add_column(name, justify="left" if name == "agent" else "right", no_wrap=True)
-    found: dict[str, list[Driven]] = {}
+    found: dict[str, dict[object, Driven]] = {}
     try:
         for path in parser.parse_args(argv).files:
             for agent, drives in drives_of(path):
-                found.setdefault(agent, []).extend(drives)
+                found.setdefault(agent, {}).update(drives)
         for agent, drives in found.items():
-            table.add_row(*row_of(agent, drives))
+            table.add_row(*row_of(agent, list(drives.values())))
     except DriveRobustError as error:
         sys.exit(f"error: {error}")
     Console(width=100).print(table)

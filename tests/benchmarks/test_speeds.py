@@ -14,14 +14,14 @@ from speeds import drives_of, main
 ROOT = Path(__file__).parents[2]
 
 
-def ours(tmp_path: Path, seconds: list[float], outcomes: list[str]) -> Path:
-    """Routes of 100 m, clean, and one under a failure that must not count."""
+def ours(tmp_path: Path, seconds: list[float], outcomes: list[str], *, first: int = 1) -> Path:
+    """Routes of 100 m, clean, and one under a failure that must not count; `first` is the id of the first route."""
     episodes = [
         {
             "agent": "made-up", "setting": "clean", "outcome": outcome, "ticks": round(20 * game_s), "game_s": game_s,
-            "route_length_m": 100.0,
+            "route_length_m": 100.0, "route_id": str(route), "seed": 0,
         }
-        for game_s, outcome in zip(seconds, outcomes, strict=True)
+        for route, (game_s, outcome) in enumerate(zip(seconds, outcomes, strict=True), first)
     ]  # fmt: skip
     episodes.append({**episodes[0], "setting": "occlusion 0.5", "game_s": 1.0})
     path = tmp_path / "ours.json"
@@ -52,10 +52,10 @@ def test_metres_per_second_of_the_completed_routes(tmp_path: Path) -> None:
 
 def test_reports_of_one_agent_are_one_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
-    for folder, seconds in ((first, 10.0), (second, 40.0)):
+    for number, (folder, seconds) in enumerate(((first, 10.0), (second, 40.0))):
         folder.mkdir()
-        ours(folder, [seconds], ["completed"])
-    main([str(first / "ours.json"), str(second / "ours.json")])
+        ours(folder, [seconds], ["completed"], first=number)
+    main([str(first / "ours.json"), str(second / "ours.json"), str(first / "ours.json")])  # counted once
     (row,) = (line for line in capsys.readouterr().out.splitlines() if "made-up" in line)
     assert [cell.strip() for cell in row.split("│")[2:6]] == ["2", "2", "6.25 (4.38 to 8.12)", "25.0"]
 
