@@ -28,6 +28,7 @@ from rich.table import Table
 
 from pytest_drive_robust.engine.pool import ProcessExecutor
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
+from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.options.marker import MarkerOptions
@@ -42,6 +43,7 @@ from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.stats.intervals import mean_interval, ratio_interval, share_interval
 from pytest_drive_robust.store.events import Event, Finished, Reused
 from pytest_drive_robust.store.folder import FolderStore
+from pytest_drive_robust.store.whole_file import write_whole
 
 BLIND = ",".join(f"blind:speed={mps}" for mps in (1.4, 2, 4, 6, 8, 11))
 AGENTS = f"expert,reactive,{BLIND},constant"
@@ -232,7 +234,7 @@ def write(report: Report, path: Path) -> None:
     parts = text.rstrip("\n").split("\n## ")
     kept = [parts[0], *(part for part in parts[1:] if part.split("\n", 1)[0] != report.title)]
     body = "\n## ".join(part.rstrip("\n") + "\n" for part in kept)
-    path.write_text(f"{body}\n{report.markdown()}\n", encoding="utf-8")
+    write_whole(path, f"{body}\n{report.markdown()}\n")
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -254,4 +256,7 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except DriveRobustError as error:
+        sys.exit(f"error: {error}")

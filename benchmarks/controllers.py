@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import math
 import statistics
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
@@ -32,6 +33,7 @@ from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import EgoState
+from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
@@ -147,6 +149,8 @@ def by_path(numbers: PathTuning) -> Callable[[], Steer]:
 
 
 def agent_of(name: str, simulator: EmbeddedSimulator, *, tuned: tuning.Tuning, every: int) -> Perfect | Expert:
+    if name not in AGENTS:
+        raise UnknownNameError.of("agent with a controller", name, AGENTS)
     if name == "expert":
         return Expert()
     if name == "simlingo":
@@ -188,4 +192,7 @@ def drive(name: str, setting: Setting, *, tuned: tuning.Tuning, routes: Sequence
 
 
 if __name__ == "__main__":
-    main()
+    try:
+        main()
+    except DriveRobustError as error:
+        sys.exit(f"error: {error}")
