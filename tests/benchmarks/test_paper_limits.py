@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from statistics import fmean
 
 import pytest
 
 from pytest_drive_robust import requirements
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
+from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.stats import gate
+from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 
 ROOT = Path(__file__).resolve().parents[2]
 LIMITS = ROOT / "suites" / "paper" / "limits"
@@ -40,3 +44,23 @@ def test_an_agent_meets_the_limits_of_its_name(agent: str, reading: str) -> None
             clean = scores(agent, str(setting.baseline))
             assert 1 - fmean(perturbed) / fmean(clean) <= requirement.limit, requirement
             assert gate(clean, perturbed, threshold=requirement.limit).verdict == "pass", requirement
+
+
+@pytest.mark.parametrize("agent", TABLE["agents"])
+def test_a_file_says_how_many_routes_its_verdicts_take(agent: str) -> None:
+    judged = {route.id: route.scenario.type for route in named_routes("one-per-scenario")}
+    driven = [route for route in TABLE["routes"] if route in judged]
+    order = [driven.index(route) for route in planned_order(driven, [judged[route] for route in driven], agent)]
+    rule, taken = VerdictRule().for_routes(len(order)), []
+    for requirement in requirements(LIMITS / f"{agent}.txt"):
+        setting = requirement.setting.read_as(DriveReading("paper", "this test"))
+        perturbed = scores(agent, str(setting))
+        clean = scores(agent, str(setting.baseline)) if requirement.needs_clean else perturbed
+        floor = rule.clean_floor if requirement.needs_clean else 0.0
+        judge = judge_by(rule.kind, requirement.linear_forms(rule), planned=len(order), floor=floor)
+        verdict, routes = read_until_decided(judge, [(perturbed[place], clean[place]) for place in order])
+        assert verdict == "pass"
+        taken.append(routes)
+    said = re.search(r"takes (\d+) to (\d+) of the 44 routes", (LIMITS / f"{agent}.txt").read_text(encoding="utf-8"))
+    assert said is not None
+    assert (min(taken), max(taken)) == tuple(map(int, said.groups()))
