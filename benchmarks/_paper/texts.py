@@ -38,6 +38,7 @@ def table_text(results: Results) -> str:
         "Efficiency is the speed in percent of the traffic's, comfort the percentage of comfortable",
         "segments. The paper drove the original networks in CARLA on 220 routes, without intervals; ours",
         "are compact re-implementations in the embedded world: compare patterns, not levels.",
+        *_each_route_once(results),
         *_stop(results),
         *_other_world(results),
         "",
@@ -84,6 +85,10 @@ def _other_world(results: Results) -> list[str]:
     if results.world["simulator"] == today:
         return []
     return [f"Today's world is {today}: the commands beside this table do not give these figures to the digit."]
+
+
+def _each_route_once(results: Results) -> list[str]:
+    return ["A route counts once: its figures are the means over the seeds."] if len(results.seeds) > 1 else []
 
 
 def _stop(results: Results) -> list[str]:

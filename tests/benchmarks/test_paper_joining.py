@@ -126,6 +126,8 @@ def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
     assert both.driving_score == pytest.approx([0.75 * score for score in alone.driving_score])
     assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
     assert f"{len(CLEAN_DS)} routes, seeds 0 and 1, simulator" in texts.table_text(found)
+    assert "its figures are the means over the seeds" in texts.table_text(found)
+    assert "over the seeds" not in texts.table_text(joining.read(saved(tmp_path, parts[1])))
     assert results.results_of(json.loads(results.text_of(found))) == found
 
 
