@@ -20,6 +20,7 @@ from _paper.results import Results, Scores, SeedScores
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
+AGENTS_PAGE = BENCHMARKS.parent / "docs" / "gallery" / "agents.md"
 PAGE = (BENCHMARKS / "paper" / "README.md").read_text(encoding="utf-8")
 COUNTS = ("no", "one", "two", "three", "four", "five")
 
@@ -126,3 +127,34 @@ def test_efficiency_beside_that_of_the_paper(results: Results) -> None:
     shares = [efficiency(drives, agent, (CLEAN,)) / PUBLISHED[agent][CLEAN].efficiency for agent in AGENTS]
     page = (BENCHMARKS / "vehicle.md").read_text(encoding="utf-8")
     assert f"{min(shares):.2f} to {max(shares):.2f} of the paper's for all four" in page
+
+
+def test_the_page_of_the_agents_says_how_well_they_agree_with_the_paper(results: Results) -> None:
+    page = " ".join(AGENTS_PAGE.read_text(encoding="utf-8").split())
+    equations, code = (Drives(results, reading) for reading in READINGS)
+    without = AVERAGES["avg. perturbed"]
+    tcp, uniad, vad, simlingo = (f"{agreement(equations, without, [agent]).correlation.value:.2f}" for agent in AGENTS)
+    assert vad == simlingo
+    assert f"by the equations: {vad} each), `tcp` and `uniad` less clearly ({tcp} and {uniad})" in page
+    everything, rest = (agreement(code, rows).correlation for rows in (SETTINGS, without))
+    interval = f"{everything.value:.2f} ({everything.low:.2f} to {everything.high:.2f})"
+    assert f"the rank correlation is {interval}, {rest.value:.2f} without latency" in page
+
+
+def turned(bound: str) -> str:
+    """Return a bound with the other sign."""
+    return bound.removeprefix("-") if bound.startswith("-") or not float(bound) else f"-{bound}"
+
+
+def test_intervals_in_the_explanations_stand_on_a_page_of_the_ablations() -> None:
+    explained = " ".join((BENCHMARKS / "paper" / "explanations.md").read_text(encoding="utf-8").split())
+    pages = "".join(page.read_text(encoding="utf-8") for page in (BENCHMARKS / "ablations").rglob("*.md"))
+    here = re.sub(r"\([^()]*\) in `embedded 3` \(`\S+\.md` of `\w+~1`\)", "", explained)  # others are in the history
+    found = re.findall(r"(-?\d\.\d\d) to (-?\d\.\d\d)", here)
+    assert len(found) > 20
+    lacking = [  # "more by" is "less by" with the other sign
+        f"{low} to {high}"
+        for low, high in found
+        if f"{low} to {high}" not in pages and f"{turned(high)} to {turned(low)}" not in pages
+    ]
+    assert lacking == []
