@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +27,8 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
-    "Collected", "Collection", "add_arguments", "check_world", "collect", "collection_of", "draws_of", "run",
+    "Collected", "Collection", "add_arguments", "check_complete", "check_world", "collect", "collection_of", "draws_of",
+    "run",
 ]  # fmt: skip
 
 _ASKED = "collect.json"
@@ -196,6 +197,23 @@ def check_world(folders: Sequence[Path]) -> None:
             raise UsageError(
                 f"{folder} was collected in embedded {world}, and the world is embedded {EmbeddedSimulator.version} "
                 "now: its car moves otherwise. Collect into a new folder."
+            )
+
+
+def check_complete(folders: Sequence[Path]) -> None:
+    """Raise `UsageError` for a collection that was broken off; frames of no collection pass."""
+    for folder in folders:
+        file = folder / _ASKED
+        if not file.is_file():
+            continue
+        asked = json.loads(file.read_text(encoding="utf-8"))
+        known = {field.name: asked[field.name] for field in fields(Collection) if field.name in asked}
+        shards = len(Collection(**known).shards(folder))
+        there = sum(number < shards for number in shard_numbers(folder))
+        if there < shards:
+            raise UsageError(
+                f"{folder} holds {there} of the {shards} shards that were asked for. The same `collect` command goes "
+                "on; with fewer --routes it asks for no more than there is."
             )
 
 

@@ -14,7 +14,7 @@ import torch
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents.training.collect import check_world, draws_of
+from drive_robust_agents.training.collect import check_complete, check_world, draws_of
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
@@ -65,13 +65,14 @@ def run(given: argparse.Namespace) -> int:
     require_device(given.device)
     require_positive(given, "visits", "epochs", "minutes", "batch", "lr", "threads", "readers")
     check_world(given.frames)
+    check_complete(given.frames)
     torch.set_num_threads(given.threads)
     recipe = recipe_of(given.agent, robust=given.robust)
     readers = given.readers or (8 if given.device.startswith("cuda") else 1)
     dtype = given.dtype or ("bfloat16" if given.device.startswith("cuda") else "float32")
     frames, batch = Frames(*given.frames), given.batch or recipe.defaults.batch
     feed = Feed(frames, recipe, batch=batch, seed=given.seed, threads=readers)
-    options = _options(given, recipe, feed, batch, dtype)
+    options = _options(given, recipe, frames, feed, batch, dtype)
     trainer = Trainer(
         recipe, feed, options, given.run, device=given.device, save_every_s=60.0 * given.save_every, start=given.start
     )
@@ -95,7 +96,9 @@ def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
-def _options(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch: int, dtype: str) -> TrainingOptions:
+def _options(
+    given: argparse.Namespace, recipe: TrainingRecipe, frames: Frames, feed: Feed, batch: int, dtype: str
+) -> TrainingOptions:
     defaults = recipe.defaults
     return TrainingOptions(
         agent=given.agent,
@@ -109,6 +112,7 @@ def _options(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batc
         dtype=dtype,
         frames=tuple(folder.name for folder in given.frames),
         drawn=tuple(draws_of(folder) for folder in given.frames),
+        rows=len(frames),
         start="" if given.start is None else locate(given.agent, given.start)[1].label,
     )
 

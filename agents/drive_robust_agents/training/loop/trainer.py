@@ -45,8 +45,8 @@ class TrainingOptions:
     """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
 
     `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
-    `frames`, `drawn` and `start` say for the manifest what was learnt from, the names of folders and with which seeds
-    each was drawn, and which weights it began with.
+    `frames`, `drawn`, `rows` and `start` say for the manifest what was learnt from, the names of folders, with which
+    seeds each was drawn and how many frames all hold, and which weights it began with.
     """
 
     agent: str
@@ -61,6 +61,7 @@ class TrainingOptions:
     spec: Mapping[str, Any] | None = None
     frames: tuple[str, ...] = ()
     drawn: tuple[Mapping[str, Any], ...] = ()
+    rows: int = 0
     start: str = ""
 
 
@@ -216,7 +217,7 @@ class Trainer:
         asked = json.loads(json.dumps(asdict(self.options)))
         file = self.run / _OPTIONS_FILE
         if file.is_file():
-            there = json.loads(file.read_text(encoding="utf-8"))
+            there = {"rows": asked["rows"], **json.loads(file.read_text(encoding="utf-8"))}  # not in older folders
             other = sorted(name for name in asked if there.get(name) != asked[name])
             if other:
                 said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])

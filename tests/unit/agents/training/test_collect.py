@@ -13,7 +13,7 @@ from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.__main__ import main
-from drive_robust_agents.training.collect import Collection, check_world, collect, draws_of
+from drive_robust_agents.training.collect import Collection, check_complete, check_world, collect, draws_of
 from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
@@ -221,6 +221,17 @@ def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(UsageError, match=rf"old was collected in embedded 2, and the world is embedded {now} now"):
         check_world([new, old])
     check_world([new, tmp_path])  # frames of no collection are somebody's own
+
+
+def test_data_that_was_broken_off_is_not_trained_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    collect(Collection("tcp", routes=6, shard_routes=2, types=("Accident",)), tmp_path, progress=False)
+    check_complete([tmp_path])
+    (tmp_path / "shard-00002" / "done.json").unlink()
+    with pytest.raises(UsageError, match="holds 2 of the 3 shards that were asked for. The same `collect` command"):
+        check_complete([tmp_path])
+    collect(Collection("tcp", routes=4, shard_routes=2, types=("Accident",)), tmp_path, progress=False)
+    check_complete([tmp_path, tmp_path / "frames of no collection"])
 
 
 @pytest.mark.parametrize(

@@ -80,6 +80,23 @@ def test_the_same_command_has_nothing_left_to_do(run: Path, frames: Path) -> Non
     assert {path: path.read_bytes() for path in run.glob("weights/*/*")} == before
 
 
+def test_a_training_goes_on_with_the_frames_that_it_began_with(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cameras = dict.fromkeys(RIG, (96, 160))
+    frames = write_frames(tmp_path / "frames", rows=16, cameras=cameras, episodes=4)
+    begin = ["train", "--agent", "tcp", "--frames", str(frames), "--run", str(tmp_path / "run"), "--batch", "4"]
+    assert main([*begin, "--visits", "4"]) == 0
+    write_frames(tmp_path / "more", rows=4, cameras=cameras, episodes=1, shards=1)
+    (tmp_path / "more" / "shard-00000").rename(frames / "shard-00002")
+    assert "holds another training (rows: 16 there, 20 now)" in refused(capsys, *begin, "--visits", "4")
+    settings = tmp_path / "run" / "settings.json"
+    noted = json.loads(settings.read_text())
+    del noted["rows"]  # of a run from before they were noted
+    settings.write_text(json.dumps(noted))
+    assert main([*begin, "--visits", "4"]) == 0
+
+
 def test_a_time_to_train_becomes_a_number_of_steps_that_stays(frames: Path, tmp_path: Path) -> None:
     arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--minutes", "0.0001"]
     for _ in range(2):
