@@ -8,20 +8,26 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
+from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.simlingo import SimLingo
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.recipes.dreaming import STEP_S, DreamStart, applicable
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.jit.arrays import Ints
 from pytest_drive_robust.stats.intervals import share_interval
+
+if TYPE_CHECKING:
+    from drive_robust_agents._nets.manifest import WeightsEntry
 
 __all__ = ["ASKED", "NEEDS", "InstructionScore", "add_arguments", "examine", "obeys", "run", "scores", "table"]
 
@@ -128,7 +134,9 @@ def table(found: Sequence[InstructionScore]) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the options of `instructions`."""
-    parser.add_argument("data", nargs="+", help="folders that `collect --agent simlingo` wrote")
+    parser.add_argument(
+        "data", nargs="+", help="folders that `collect --agent simlingo` wrote; those of a training in its order"
+    )
     parser.add_argument("--weights", help="a .safetensors file with its manifest.json beside it; else what ships")
     parser.add_argument("--scenes", type=int, default=200, help="for each row of the table")
     parser.add_argument("--all", action="store_true", help="of all frames, not only those that training holds out")
@@ -136,6 +144,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(given: argparse.Namespace) -> int:
     """Print the table for folders of frames. Raises `UsageError` for weights or data that cannot be used."""
+    if not given.all:
+        _require_held_out(given.data, locate(SimLingo.name, given.weights)[1])
     loaded = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=given.weights)
     found = scores(lambda inputs: loaded.run(**inputs), Frames(*given.data), scenes=given.scenes, everything=given.all)
     print(table(found))
@@ -143,6 +153,18 @@ def run(given: argparse.Namespace) -> int:
 
 
 # --- below ---
+
+
+def _require_held_out(folders: Sequence[str], entry: WeightsEntry) -> None:
+    """Raise `UsageError` where the training held out other frames of these folders: that goes by their places."""
+    trained = list(entry.provenance.get("trainer", {}).get("frames", ()))
+    names = [Path(folder).name for folder in folders]
+    if not set(names).isdisjoint(trained) and names != trained[: len(names)]:
+        raise UsageError(
+            f"{entry.label} learnt from {', '.join(trained)}, and what it held out of them follows from their order; "
+            f"given are {', '.join(names)}. Give them in that order, from the first on, or --all for frames of these "
+            "names that it never saw."
+        )
 
 
 def _fitting(frames: Frames, order: Ints, kind: Kind, *, safety: bool) -> Ints:

@@ -31,9 +31,9 @@ _FIELD = 1 << 22
 def tcp_hard(images: Pixels, generator: np.random.Generator, strength: float = 1.0) -> None:
     """Apply TCP's set, each part to three in ten images; `strength` (0 to 1) drops more blocks and pixels.
 
-    Up to 4 % (at strength 0) or 20 % (at 1) of the pixels and of the blocks; a block is 8 to 20 % of the image's
-    sides. (imgaug reads these figures as the size of the coarse mask, which gives blocks of 5 to 12 pixels; at a
-    quarter of the published resolution such dust would be averaged away by the first convolution.)
+    Up to 4 % (at strength 0) or 20 % (at 1) of the pixels and, in every second image, of the blocks; a block is 8 to
+    20 % of the image's sides. (imgaug reads these figures as the size of the coarse mask, which gives blocks of 5 to 12
+    pixels; at a quarter of the published resolution such dust would be averaged away by the first convolution.)
     """
     lost = 0.04 + 0.16 * strength
 

@@ -13,7 +13,9 @@ from numpy.typing import NDArray
 torch = pytest.importorskip("torch")
 
 
+from drive_robust_agents._nets.manifest import read_manifest  # noqa: E402
 from drive_robust_agents._nets.prompts import Instruction, Kind  # noqa: E402
+from drive_robust_agents._nets.weights import SHIPPED  # noqa: E402
 from drive_robust_agents.training.__main__ import main  # noqa: E402
 from drive_robust_agents.training.instructions import InstructionScore, obeys, table  # noqa: E402
 
@@ -58,6 +60,25 @@ def test_the_table_says_when_there_was_nothing_to_see() -> None:
         "-",
         "-",
     ]
+
+
+@pytest.mark.parametrize("of", [slice(1, 2), slice(None, None, -1)], ids=["the second alone", "the other way round"])
+def test_folders_of_a_training_are_given_in_its_order_or_its_frames_would_pass_for_held_out(
+    of: slice, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    trained = read_manifest(SHIPPED, "simlingo").provenance["trainer"]["frames"]
+    assert len(trained) > 1
+    folders = [str(tmp_path / name) for name in trained]
+
+    def said(*arguments: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["instructions", *arguments])
+        assert ended.value.code == 4
+        return capsys.readouterr().err
+
+    assert f"learnt from {', '.join(trained)}, and what it held out of them follows" in said(*folders[of])
+    for usable in (folders, folders[:1], ["--all", *folders[of]]):
+        assert "no complete shards" in said(*usable)
 
 
 def test_without_frames_the_command_says_how_to_collect_some(
