@@ -27,8 +27,8 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
-    "Collected", "Collection", "add_arguments", "check_complete", "check_world", "collect", "collection_of", "draws_of",
-    "run",
+    "Collected", "Collection", "add_arguments", "check_cameras", "check_complete", "check_world", "collect",
+    "collection_of", "draws_of", "run",
 ]  # fmt: skip
 
 _ASKED = "collect.json"
@@ -197,6 +197,20 @@ def check_world(folders: Sequence[Path]) -> None:
             raise UsageError(
                 f"{folder} was collected in embedded {world}, and the world is embedded {EmbeddedSimulator.version} "
                 "now: its car moves otherwise. Collect into a new folder."
+            )
+
+
+def check_cameras(folders: Sequence[Path], agent: str) -> None:
+    """Raise `UsageError` for pictures that are not those of the agent's cameras; frames of no collection pass."""
+    for folder in folders:
+        file = folder / _ASKED
+        asked = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        there = {camera["name"]: camera for camera in asked.get("cameras", ())}
+        other = [one.name for one in agent_rig(agent).cameras if there.get(one.name) != asdict(one)]
+        if there and other:
+            raise UsageError(
+                f"{folder} was collected for {asked['agent']!r}, whose cameras are not those of {agent!r}: "
+                f"{', '.join(other)}. Collect for {agent!r} into a new folder."
             )
 
 

@@ -13,7 +13,14 @@ from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.__main__ import main
-from drive_robust_agents.training.collect import Collection, check_complete, check_world, collect, draws_of
+from drive_robust_agents.training.collect import (
+    Collection,
+    check_cameras,
+    check_complete,
+    check_world,
+    collect,
+    draws_of,
+)
 from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
@@ -221,6 +228,18 @@ def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(UsageError, match=rf"old was collected in embedded 2, and the world is embedded {now} now"):
         check_world([new, old])
     check_world([new, tmp_path])  # frames of no collection are somebody's own
+
+
+def test_pictures_of_other_cameras_are_not_trained_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fake_write(monkeypatch)
+    folder = tmp_path / "bev"
+    collect(Collection("vad", routes=1), folder, progress=False)
+    for agent in ("vad", "uniad", "tcp"):  # the three front cameras of `vad` are those of `tcp`
+        check_cameras([folder], agent)
+    check_cameras([tmp_path], "simlingo")  # frames of no collection are somebody's own
+    said = r"bev was collected for 'vad', whose cameras are not those of 'simlingo': front\. Collect for"
+    with pytest.raises(UsageError, match=said):
+        check_cameras([tmp_path, folder], "simlingo")
 
 
 def test_data_that_was_broken_off_is_not_trained_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
