@@ -126,7 +126,9 @@ class Registry:
         Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere, and for one that no
         sentence can name.
         """
-        _check_metric_name(name)
+        problem = _metric_name_problem(name)
+        if problem:
+            raise UsageError(problem)
         self._register("metrics", name, function)
 
     def agent(self, name: str) -> Agent:
@@ -250,13 +252,10 @@ class Registry:
         return (*found, *self._misnamed_metrics(), *unknown_groups(KINDS))
 
     def _misnamed_metrics(self) -> Iterator[PluginError]:
-        for name, entries in sorted(self._all("metrics").items()):
-            for entry in entries:
-                try:
-                    if entry.origin != _BUILT_IN:
-                        _check_metric_name(name)
-                except UsageError as error:
-                    yield PluginError(f"the metric {name!r} from {entry.origin} cannot be used: {error}")
+        for entry in itertools.chain.from_iterable(self._all("metrics").values()):
+            problem = "" if entry.origin == _BUILT_IN else _metric_name_problem(entry.name)
+            if problem:
+                yield PluginError(f"the metric {entry.name!r} from {entry.origin} cannot be used: {problem}")
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
@@ -323,15 +322,17 @@ def _builtins(kind: str) -> list[Entry]:
     ]
 
 
-def _check_metric_name(name: str) -> None:
+def _metric_name_problem(name: str) -> str:
+    """Return why a metric cannot have this name, or nothing where it can."""
     if name in METRICS:
-        raise UsageError(f"{name!r} is a built-in metric and keeps its meaning: give yours another name.")
-    if _NO_METRIC.search(name):
-        plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
-        raise UsageError(
-            f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', "
-            f"'<=' and '>='. Call it {plain!r}, say."
-        )
+        return f"{name!r} is a built-in metric and keeps its meaning: give yours another name."
+    if not _NO_METRIC.search(name):
+        return ""
+    plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
+    return (
+        f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', '<=' and "
+        f"'>='. Call it {plain!r}, say."
+    )
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:

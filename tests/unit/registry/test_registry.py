@@ -510,7 +510,7 @@ def test_severities_of_a_class_that_nobody_made_a_dataclass_are_refused_with_wha
         {"__annotations__": {"gain": float}, "phrase": "dimmed {gain}"},
         {"__annotations__": {"gain": "float"}, "gain": 0.5},
     ):
-        with pytest.raises(PluginError, match="has 'gain', but is no dataclass.*write @dataclass above the class"):
+        with pytest.raises(PluginError, match=r"has 'gain', but is no dataclass.*write @dataclass above the class"):
             Registry().register_perturbation(type("Dimmed", (Perturbation,), body))
 
 
@@ -520,7 +520,9 @@ def test_what_is_no_severity_needs_no_dataclass() -> None:
 
 
 def test_an_object_in_place_of_a_perturbation_is_refused() -> None:
-    with pytest.raises(PluginError, match="NoisyWheel.* is not a perturbation: .*subclass of Perturbation, without br"):
+    with pytest.raises(
+        PluginError, match=r"NoisyWheel.* is not a perturbation: .*subclass of Perturbation, without br"
+    ):
         Registry().register_perturbation(NoisyWheel())  # type: ignore[arg-type]
 
 
@@ -552,3 +554,31 @@ def test_an_entry_point_group_that_is_misspelt_is_told_where_its_name_is_missed(
         Registry().agent("lost")
     (problem,) = Registry().problems()
     assert "lost-agents 1.0" in str(problem)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"ladder": ("gian", (0.9, 0.5))}, r"the ladder of Dimmed is \('gian', \(0\.9, 0\.5\)\), expected .*\(gain\)"),
+        ({"ladder": ["gain", 0.9, 0.5]}, "the ladder of Dimmed is .*, expected one of its fields"),
+        ({"ladder": ("gain", ())}, "the ladder of Dimmed is .*values from mild to severe"),
+        ({"ladder": ("gain", "low high")}, "the ladder of Dimmed is .*values from mild to severe"),
+        ({"variants": {"dark": {"gian": 0.1}}}, "'variants' of Dimmed names 'gian', .* Did you mean 'gain'"),
+        ({"readings": {"released": {"gian": 0.1}}}, "'readings' of Dimmed names 'gian'"),
+        ({"example": {"gian": 0.1}}, "'example' of Dimmed names 'gian'"),
+        ({"variants": ["dark"]}, "cannot be used: AttributeError: 'list' object has no attribute"),
+    ],
+)
+def test_what_a_failure_says_of_itself_is_checked_where_it_is_registered(said: dict[str, object], message: str) -> None:
+    body = {"__annotations__": {"gain": float}, "gain": 0.5, "phrase": "dimmed {gain}", **said}
+    with pytest.raises(PluginError, match=message):
+        Registry().register_perturbation(dataclass(type("Dimmed", (Perturbation,), body)))
+
+
+def test_a_ladder_of_ticks_and_one_beside_a_field_without_a_default_are_taken() -> None:
+    body = {
+        "__annotations__": {"place": str, "late_ms": float},
+        "phrase": "{late_ms} ms late",
+        "ladder": ("late_ms", "ticks"),
+    }
+    Registry().register_perturbation(dataclass(type("Late", (Perturbation,), body)))
