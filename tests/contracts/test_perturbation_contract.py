@@ -79,6 +79,7 @@ def test_a_users_own_keeps_the_contract() -> None:
         "inference",
         "controls",
         "schedule",
+        "seams",
         "determinism",
     ]
 
