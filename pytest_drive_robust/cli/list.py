@@ -27,6 +27,8 @@ def _list(options: argparse.Namespace) -> int:
             print_sets()
         else:
             _print_kind(kind, default_registry())
+    for problem in default_registry().problems():
+        say(f"left out: {problem}")
     return 0
 
 
@@ -37,8 +39,6 @@ def _print_kind(kind: str, registry: Registry) -> None:
     classes = registry.perturbations()
     rows = [(name, _sentence(classes.get(name)), origin) for name, origin in registry.names(kind)]
     print_table({"name": LEFT, "in a requirement": LEFT, "origin": LEFT}, rows, title=kind)
-    for problem in registry.problems():
-        say(f"does not load: {problem}")
 
 
 def _sentence(cls: type[Perturbation] | None) -> str:

@@ -14,6 +14,7 @@ from pytest_drive_robust.plugin.hooks import (
     pytest_configure,
     pytest_make_collect_report,
     pytest_make_parametrize_id,
+    pytest_plugin_registered,
     pytest_unconfigure,
 )
 
@@ -27,5 +28,6 @@ __all__ = [
     "pytest_configure",
     "pytest_make_collect_report",
     "pytest_make_parametrize_id",
+    "pytest_plugin_registered",
     "pytest_unconfigure",
 ]

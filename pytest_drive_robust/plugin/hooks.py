@@ -25,6 +25,7 @@ _MARKER_LINE = (
     "command line says."
 )
 
+_HOOK = "pytest_drive_robust_register"
 _REGISTRY = "pytest_drive_robust.registry.registry"
 _SESSIONS: list[pytest.Config] = []
 """The sessions under way in this process, each inside the one before it, as pytester runs them."""
@@ -50,6 +51,20 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
     pluginmanager.add_hookspecs(hookspecs)
 
 
+def pytest_plugin_registered(plugin: object, manager: pytest.PytestPluginManager) -> None:
+    """Refuse an optional hook that is almost called as ours: what it registers would be missing, or another's."""
+    if any(name.startswith("pytest_drive") and name != _HOOK for name in getattr(plugin, "__dict__", ())):
+        from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_hooks
+        from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
+
+        try:
+            refuse_unknown_hooks(plugin)
+        except Exception as error:
+            if all(config.pluginmanager is not manager for config in _SESSIONS):  # before tests are collected
+                raise_as_pytests(error)
+            raise
+
+
 @pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""
@@ -67,9 +82,9 @@ def pytest_configure(config: pytest.Config) -> None:
         else:
             _refuse_options_alone(config)
     except Exception as error:
-        from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
+        from pytest_drive_robust.plugin.usage_errors import raise_as_pytests, told_of_hook
 
-        raise_as_pytests(error)
+        raise_as_pytests(told_of_hook(error))
         raise
     if hasattr(config, "workerinput") or config.getoption("dist", "no") != "no":  # pytest-xdist, by whatever name
         _carry_problems(config)

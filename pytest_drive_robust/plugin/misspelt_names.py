@@ -1,4 +1,4 @@
-"""Names that pytest itself only warns about, and that would have another agent judged: ini keys and marks."""
+"""Names that pytest itself lets pass, and that would have another agent judged: ini keys, marks and our hook."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.table import OPTIONS
 
 _MARK = "drive_robust"
+_HOOK = "pytest_drive_robust_register"
 _CLOSE = 0.8
 """So alike is a mark that is meant as ours: a suite may have marks such as `robust` of its own."""
 
@@ -41,6 +42,18 @@ def refuse_unknown_marks(item: pytest.Item) -> None:
                     f"there is no marker named {mark.name!r}. Did you mean {_MARK!r}? Another marker of that name has "
                     "to be registered under markers in the ini file."
                 )
+
+
+def refuse_unknown_hooks(plugin: object) -> None:
+    """Raise `UsageError` for an optional hook of a plugin that is almost called as ours.
+
+    It is called by nobody, and pluggy refuses unknown hooks only where they are not optional.
+    """
+    for name, value in vars(plugin).items():
+        is_optional = getattr(value, "pytest_impl", {}).get("optionalhook", False)
+        if is_optional and name != _HOOK and get_close_matches(name, [_HOOK], cutoff=_CLOSE):
+            place = getattr(plugin, "__file__", None) or repr(plugin)
+            raise UsageError(f"there is no hook named {name!r}. Did you mean {_HOOK!r}? It stands in {place}.")
 
 
 def _given_keys(config: pytest.Config) -> Iterable[str]:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import traceback
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError, did_you_mean
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, output_of, worker_output
 
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
+_HOOK = "pytest_drive_robust_register"
 _OUTPUT = "drive_robust_problems"
 
 
@@ -42,6 +44,20 @@ def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
     error = call.excinfo.value if call is not None and call.excinfo is not None else None
     error = getattr(error, "cause", error)
     return error if isinstance(error, UsageError) else None
+
+
+def told_of_hook(error: Exception) -> Exception:
+    """Return the usage error that tells what a hook that registers names raised, and where; any other error as it is.
+
+    A conftest.py that is loaded while tests are collected needs none: pytest shows its line.
+    """
+    frames = traceback.extract_tb(error.__traceback__)
+    file = next((frame.filename for frame in frames if frame.name == _HOOK), None)
+    if file is None or isinstance(error, (DriveRobustError, pytest.UsageError)):
+        return error
+    line = [frame.lineno for frame in frames if frame.filename == file][-1]
+    meant = did_you_mean(error.name, dir(error.obj)) if isinstance(error, AttributeError) and error.name else ""
+    return UsageError(f"{_HOOK} raised {type(error).__name__}: {error} ({file}:{line}).{meant}")
 
 
 def raise_as_pytests(error: Exception) -> None:

@@ -13,9 +13,10 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
 
 _BETWEEN = "+"
+_GROUP = "pytest_drive_robust"
 _FLAGS = {"true": True, "false": False}
 
 
@@ -146,7 +147,20 @@ class Entry:
 def from_entry_points(kinds: Iterable[str]) -> dict[str, list[Entry]]:
     """Return by kind what installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
     installed = metadata.entry_points()  # reads a file of each distribution, however few groups are asked for
-    return {kind: list(_declared(kind, installed.select(group=f"pytest_drive_robust.{kind}"))) for kind in kinds}
+    return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in kinds}
+
+
+def unknown_groups(kinds: Iterable[str]) -> list[PluginError]:
+    """Return what installed distributions declare in groups that are called almost as ours, which nobody reads."""
+    known = [f"{_GROUP}.{kind}" for kind in kinds]
+    installed = metadata.entry_points()
+    told = []
+    for group in sorted(installed.groups):
+        if group.replace("-", "_").startswith(_GROUP) and group not in known:
+            for entry in _declared(group, installed.select(group=group)):
+                what = f"{entry.name!r} from {entry.origin} stands in the entry point group {group!r}, which is none"
+                told.append(PluginError(f"{what}.{did_you_mean(group, known)} Expected one of {', '.join(known)}."))
+    return told
 
 
 def _declared(kind: str, points: Iterable[metadata.EntryPoint]) -> Iterator[Entry]:

@@ -14,24 +14,32 @@ agents take options there, the parameters of their factories: `blind:speed=8` (s
 from __future__ import annotations
 
 import functools
+import itertools
 import os
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.errors import (
     DriveRobustError,
-    PerturbationError,
     PluginError,
     UnknownNameError,
     UsageError,
     nearest,
 )
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
-from pytest_drive_robust.perturbations.base import Perturbation, check_severities_are_fields
-from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
-from pytest_drive_robust.registry.entries import Entry, definition_of, from_entry_points, from_reference, is_reference
+from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.registry.entries import (
+    Entry,
+    definition_of,
+    from_entry_points,
+    from_reference,
+    is_reference,
+    unknown_groups,
+)
+from pytest_drive_robust.registry.perturbation_classes import check_told_apart, checked_class
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 AgentFactory = Callable[[], Agent]
@@ -44,6 +52,7 @@ AgentFactories = Callable[[str], AgentFactory]
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 
+_BUILT_IN = "built in"
 _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
     "agents": (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),),
     "simulators": (
@@ -72,8 +81,9 @@ class Registry:
 
     def __init__(self) -> None:
         self._registered: dict[tuple[str, str], Entry] = {}
-        self._problems: dict[tuple[str, str], DriveRobustError] = {}
+        self._problems: dict[str, DriveRobustError] = {}  # of perturbations, by name
         self._perturbations: dict[str, type[Perturbation]] = {}  # those that were checked
+        self._told_apart: set[tuple[type[Perturbation], type[Perturbation]]] = set()
         self._installed: dict[str, list[Entry]] | None = None  # entry points by kind: finding them reads disk
         self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and those by kind
 
@@ -93,10 +103,10 @@ class Registry:
         """
         from pytest_drive_robust.perturbations import BUILTIN
 
-        name = name or kebab_name(cls)
+        name = name or kebab_name(cls if isinstance(cls, type) else type(cls))
         if name in BUILTIN and cls is not BUILTIN[name]:
             raise UsageError(f"{name!r} is a built-in perturbation and keeps its meaning: give yours another name.")
-        _check_perturbation(cls, definition_of(cls), name)
+        checked_class(cls, definition_of(cls), name)
         self._register("perturbations", name, cls)
 
     def register_simulator(self, name: str, factory: SimulatorFactory, *, argument: str = "") -> None:
@@ -116,14 +126,9 @@ class Registry:
         Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere, and for one that no
         sentence can name.
         """
-        if name in METRICS:
-            raise UsageError(f"{name!r} is a built-in metric and keeps its meaning: give yours another name.")
-        if _NO_METRIC.search(name):
-            plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
-            raise UsageError(
-                f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', "
-                f"'<=' and '>='. Call it {plain!r}, say."
-            )
+        problem = _metric_name_problem(name)
+        if problem:
+            raise UsageError(problem)
         self._register("metrics", name, function)
 
     def agent(self, name: str) -> Agent:
@@ -148,17 +153,41 @@ class Registry:
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
         entry = self.entry("perturbations", name)
-        return _check_perturbation(entry.load(), entry.origin, name)
+        return checked_class(entry.load(), entry.origin, name)
 
     def perturbations(self) -> dict[str, type[Perturbation]]:
-        """Return every perturbation that loads, by name. Those that do not are left out and listed by `problems`."""
+        """Return every perturbation that loads, by name.
+
+        Those that do not, and several with one sentence, are left out and listed by `problems`.
+        """
         classes: dict[str, type[Perturbation]] = {}
+        self._problems.clear()
         for name, _ in self.names("perturbations"):
             try:
                 classes[name] = self._checked_perturbation(name)
             except DriveRobustError as error:  # noqa: PERF203 - one that is broken stops no other
-                self._problems["perturbations", name] = error
+                self._problems[name] = error
+        for name in self._indistinct(classes):
+            del classes[name]
         return classes
+
+    def _indistinct(self, classes: Mapping[str, type[Perturbation]]) -> set[str]:
+        """Return the names of those that share a sentence. What was told apart once is not compared again."""
+        from pytest_drive_robust.perturbations import BUILTIN
+
+        found: set[str] = set()
+        others = [name for name in classes if name not in BUILTIN]
+        for names in itertools.combinations(others, 2):
+            (one, other), (cls, other_cls) = names, (classes[name] for name in names)
+            if (cls, other_cls) in self._told_apart:
+                continue
+            try:
+                check_told_apart(self.entry("perturbations", one), cls, self.entry("perturbations", other), other_cls)
+                self._told_apart.add((cls, other_cls))
+            except PluginError as error:
+                self._problems[one] = error
+                found.update(names)
+        return found
 
     def _checked_perturbation(self, name: str) -> type[Perturbation]:
         """Return what `perturbation` does; what was right once is not checked again."""
@@ -200,15 +229,11 @@ class Registry:
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            raise UnknownNameError.of(
-                kind.removesuffix("s"), name, syntaxes, hint=_module_here(kind, name) or _HINTS[kind]
-            )
+            misplaced = [str(problem) for problem in unknown_groups(KINDS)]
+            hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
+            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
         if len(known[name]) > 1:
-            origins = " and ".join(entry.origin for entry in known[name])
-            raise PluginError(
-                f"{name!r} of {kind} is declared by {origins}. Uninstall one of them, or decide by registering "
-                "the name in pytest_drive_robust_register of your conftest.py."
-            )
+            raise PluginError(_declared_twice(known[name]))
         found = known[name][0]
         if kind == "agents" and found.argument:
             return found.bound_to(argument)
@@ -222,8 +247,15 @@ class Registry:
             raise PluginError(_not_callable(entry, factory))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
-        """Return what did not load when `perturbations` loaded them all, for the report."""
-        return tuple(self._problems[key] for key in sorted(self._problems))
+        """Return what no sentence can use, for the report: of perturbations, as `perturbations` found them last."""
+        found = [self._problems[name] for name in sorted(self._problems)]
+        return (*found, *self._misnamed_metrics(), *unknown_groups(KINDS))
+
+    def _misnamed_metrics(self) -> Iterator[PluginError]:
+        for entry in itertools.chain.from_iterable(self._all("metrics").values()):
+            problem = "" if entry.origin == _BUILT_IN else _metric_name_problem(entry.name)
+            if problem:
+                yield PluginError(f"the metric {entry.name!r} from {entry.origin} cannot be used: {problem}")
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
@@ -279,15 +311,28 @@ def forget_names(kept: int = 0) -> None:
 
 def _builtins(kind: str) -> list[Entry]:
     if kind == "metrics":
-        return [Entry(kind, name, "built in", functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
+        return [Entry(kind, name, _BUILT_IN, functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
     if kind == "perturbations":
         from pytest_drive_robust.perturbations import BUILTIN
 
-        return [Entry(kind, name, "built in", functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
+        return [Entry(kind, name, _BUILT_IN, functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
     return [
-        Entry(kind, name, "built in", from_reference(kind, path).loader, argument=argument)
+        Entry(kind, name, _BUILT_IN, from_reference(kind, path).loader, argument=argument)
         for name, path, argument in _BUILTINS[kind]
     ]
+
+
+def _metric_name_problem(name: str) -> str:
+    """Return why a metric cannot have this name, or nothing where it can."""
+    if name in METRICS:
+        return f"{name!r} is a built-in metric and keeps its meaning: give yours another name."
+    if not _NO_METRIC.search(name):
+        return ""
+    plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
+    return (
+        f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', '<=' and "
+        f"'>='. Call it {plain!r}, say."
+    )
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
@@ -305,6 +350,16 @@ def _module_here(kind: str, name: str) -> str:
     if kind not in ("agents", "simulators") or not os.path.isfile(f"{module.replace('.', os.sep)}.py"):
         return ""
     return f"A file of that name is here: give '{module}:Class' for the class in it."
+
+
+def _declared_twice(entries: Sequence[Entry]) -> str:
+    told = f"{entries[0].name!r} of {entries[0].kind} is declared by {' and '.join(entry.origin for entry in entries)}."
+    if entries[0].origin == _BUILT_IN:
+        return f"{told} What is built in keeps its meaning: uninstall the other, or have it choose another name."
+    return (
+        f"{told} Uninstall one of them, or decide by registering the name in pytest_drive_robust_register of your "
+        "conftest.py."
+    )
 
 
 def _called(entry: Entry) -> str:
@@ -342,18 +397,3 @@ def missing_members(made: object, protocol: type) -> list[str]:
     names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
     public = sorted(name for name in names if not name.startswith("_"))
     return [name for name in public if not (hasattr(type(made), name) or hasattr(made, name))]
-
-
-def _check_perturbation(cls: object, origin: str, name: str) -> type[Perturbation]:
-    if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
-        raise PluginError(f"{cls!r} from {origin} is not a perturbation: expected a subclass of Perturbation.")
-    from pytest_drive_robust.perturbations import BUILTIN
-
-    if cls in BUILTIN.values():
-        return cls
-    try:
-        check_severities_are_fields(cls)
-        check_sentences(cls, BUILTIN.values())
-    except PerturbationError as error:
-        raise PluginError(f"the perturbation {name!r} from {origin} cannot be used: {error}") from None
-    return cls

@@ -11,7 +11,7 @@ import numpy as np
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.result import Injection
-from pytest_drive_robust.errors import PerturbationError, UsageError
+from pytest_drive_robust.errors import PerturbationError, UsageError, did_you_mean, nearest
 from pytest_drive_robust.perturbations.base import (
     Perturbation,
     Setting,
@@ -30,6 +30,7 @@ _OURS = "the perturbation"
 _TICKS = 80
 _DT_S = 0.05
 _HELD_TICKS = 4
+_SEAMS = ("observe", "wants_inference", "actuate")
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 
 
@@ -62,7 +63,9 @@ def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
     yield (observations := attempt(_OURS, _observations, clean, done.seen))
     yield attempt(_OURS, _inference, done)
     yield (controls := attempt(_OURS, _controls, [*done.applied, *seldom.applied], done.answered))
-    yield attempt(_OURS, _schedule, done)
+    yield (schedule := attempt(_OURS, _schedule, done))
+    if schedule.ok:
+        yield attempt(_OURS, _seams, type(perturbation))
     if observations.ok and controls.ok:
         yield attempt(_OURS, _determinism, perturbation, clean, seed, done)
 
@@ -80,8 +83,17 @@ def _class(perturbation: Perturbation) -> Check:
     except PerturbationError as error:
         return Check("class", False, f"{error}")
     if not kind.phrase:
-        return Check("class", False, f"{kind.__name__} has no phrase: no requirement could name it.")
+        told = f"{kind.__name__} has no phrase, so that requirements call it {str(perturbation)!r}"
+        return Check("class", False, f"{told}: give it one, with its severities in braces.")
     return Check("class", True, "it is a dataclass with a phrase.")
+
+
+def _seams(kind: type[Perturbation]) -> Check:
+    changed = [name for name in _SEAMS if getattr(kind, name) is not getattr(Perturbation, name)]
+    if changed:
+        return Check("seams", True, f"it has {' and '.join(changed)}.")
+    hint = next((did_you_mean(name, _SEAMS) for name in vars(kind) if nearest(name, _SEAMS)), "")
+    return Check("seams", False, f"{kind.__name__} changes nothing: it has none of {', '.join(_SEAMS)}.{hint}")
 
 
 def _sentence(perturbation: Perturbation) -> Check:

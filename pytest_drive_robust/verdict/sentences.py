@@ -103,7 +103,7 @@ def _read(path: Path) -> str:
 def _left_out() -> str:
     """Return which registered failures no sentence can use; empty when all of them load."""
     problems = default_registry().problems()
-    return "".join(f"\nLeft out, because it does not load: {problem}" for problem in problems)
+    return "".join(f"\nLeft out: {problem}" for problem in problems)
 
 
 def _parsed(line: str, known: Known) -> Requirement:

@@ -79,6 +79,7 @@ def test_a_users_own_keeps_the_contract() -> None:
         "inference",
         "controls",
         "schedule",
+        "seams",
         "determinism",
     ]
 
@@ -95,7 +96,22 @@ def test_a_class_without_a_phrase_is_found() -> None:
     class Nameless(Perturbation):
         gain: float = 0.5
 
-    assert "no phrase" in check_perturbation(Nameless())["class"].sentence
+    sentence = check_perturbation(Nameless(0.3))["class"].sentence
+    assert "has no phrase, so that requirements call it 'nameless (gain=0.3)'" in sentence
+
+
+def test_a_class_that_changes_nothing_is_found_with_the_method_that_is_meant() -> None:
+    @dataclass
+    class Sleepy(Perturbation):
+        share: float = 0.5
+        phrase = "sleepy {share}"
+
+        def observes(self, observation: Observation) -> Observation:
+            return observation
+
+    report = check_perturbation(Sleepy())
+    assert failed(report) == ["seams"]
+    assert "it has none of observe, wants_inference, actuate. Did you mean 'observe'?" in str(report)
 
 
 def test_a_phrase_that_became_a_severity_is_found() -> None:

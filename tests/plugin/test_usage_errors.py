@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import pytest
@@ -355,4 +356,66 @@ def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
 )
 def test_what_a_world_or_an_agent_raises_before_it_is_driven_is_told_with_its_place(suite, driven, args, message):
     assert message in refused(suite(GREEN, conftest=MUTE), *args)
+    assert driven() == []
+
+
+MISSPELT = """
+import pytest
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_registr(registry):
+    registry.register_agent("steady", faulty)
+"""
+
+
+@pytest.mark.parametrize(
+    "args", [("--drive-robust",), (), ("--drive-robust", "-n1")], ids=["driving", "inert", "xdist"]
+)
+def test_an_optional_hook_that_is_misspelt_is_refused_as_it_would_be_called_by_nobody(suite, driven, args):
+    output = refused(suite(GREEN, conftest=MISSPELT), *args)
+    assert "no hook named 'pytest_drive_robust_registr'. Did you mean 'pytest_drive_robust_register'?" in output
+    assert driven() == []
+
+
+def test_a_misspelt_hook_in_a_conftest_that_is_loaded_late_is_refused_too(suite, driven):
+    folder = suite(GREEN)
+    late = folder.mkdir("late")
+    (late / "conftest.py").write_text(MISSPELT)
+    (late / "test_late.py").write_text("def test_it(): pass")
+    assert "no hook named 'pytest_drive_robust_registr'" in refused(folder)
+    assert driven() == []
+
+
+OTHERS = """
+import pytest
+
+pytest_drive_robust_options = {"agent": "steady"}
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_nails(wall):
+    pass
+"""
+
+
+def test_hooks_and_names_that_only_begin_as_ours_are_their_own(suite):
+    assert suite(GREEN, conftest="import pytest_drive_robust\n" + OTHERS).runpytest_inprocess("--drive-robust").ret == 0
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        ("registry.register_agents('a', steady)", "has no attribute 'register_agents' (.*conftest.py:[0-9]+)"),
+        ("registry.register_agents('a', steady)", "Did you mean 'register_agent'?"),
+        ("registry.register_metric(len, 'length')", "raised TypeError: .*conftest.py:[0-9]+"),
+        ("1 / 0", "pytest_drive_robust_register raised ZeroDivisionError: division by zero (.*conftest.py:[0-9]+)"),
+    ],
+)
+def test_what_a_hook_raises_is_told_with_its_line(suite, driven, call, message):
+    hook = f"""
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    {call}
+"""
+    pattern = message.replace("(", r"\(").replace(")", r"\)").replace("?", r"\?")
+    assert re.search(pattern, refused(suite(GREEN, conftest=hook)))
     assert driven() == []

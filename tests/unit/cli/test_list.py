@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.registry.registry import forget_names, hide_names
 
 pytestmark = pytest.mark.usefixtures("agents_folder")
 
@@ -33,3 +36,23 @@ def test_list_of_one_kind_shows_no_other(capsys: pytest.CaptureFixture[str]) -> 
 def test_an_unknown_kind_exits_with_4(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list", "agnts"]) == 4
     assert "Did you mean 'agents'" in capsys.readouterr().err
+
+
+def test_entry_points_that_nobody_reads_are_told_below(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    info = tmp_path / "odd-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: odd\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text(
+        "[pytest_drive_robust.metrics]\nDS = odd:ds\n[pytest_drive_robust.metric]\nlost = odd:ds\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    kept = hide_names()
+    try:
+        assert main(["list", "metrics"]) == 0
+    finally:
+        forget_names(kept)
+    output = " ".join(capsys.readouterr().out.split())
+    assert "left out: the metric 'DS' from odd 1.0 cannot be used: 'DS' is a built-in metric" in output
+    assert "left out: 'lost' from odd 1.0 stands in the entry point group 'pytest_drive_robust.metric'" in output

@@ -476,3 +476,109 @@ def test_an_agent_that_nothing_can_make_is_refused_before_anything_is_driven(tmp
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(PluginError, match=r"'numbered:number' from .* is 3, expected a class or a function"):
         Registry().require("agents", "numbered:number")
+
+
+def test_two_failures_of_one_sentence_are_both_left_out_with_their_origins(install: Install) -> None:
+    source = (
+        "from dataclasses import dataclass\nfrom pytest_drive_robust import Perturbation\n"
+        "@dataclass\nclass Entry(Perturbation):\n    gain: float = 0.5\n    phrase = 'dimmed {gain}'\n"
+    )
+    install("dims", "1.0", group="perturbations", entry="dim", source=source)
+    registry = Registry()
+    registry.register_perturbation(failure("dimmed {gain}"))
+    registry.register_perturbation(NoisyWheel)
+    assert not {"dim", "dimmed"} & registry.perturbations().keys()
+    assert "noisy-wheel" in registry.perturbations()
+    (problem,) = registry.problems()
+    assert "'dim' from dims 1.0 and 'dimmed' from" in str(problem)
+    assert "'dimmed 0.5' is a sentence of Entry and of Dimmed" in str(problem)
+
+
+def test_one_failure_by_two_names_and_one_that_replaces_another_are_told_apart(install: Install) -> None:
+    install("dims", "1.0", group="perturbations", entry="dimmed", source="1 / 0")
+    registry = Registry()
+    dimmed = failure("dimmed {gain}")
+    registry.register_perturbation(dimmed)
+    registry.register_perturbation(dimmed, "also-dimmed")
+    assert {"dimmed", "also-dimmed"} <= registry.perturbations().keys()
+    assert registry.problems() == ()
+
+
+def test_severities_of_a_class_that_nobody_made_a_dataclass_are_refused_with_what_to_write() -> None:
+    for body in (
+        {"__annotations__": {"gain": float}, "gain": 0.5, "phrase": "dimmed {gain}"},
+        {"__annotations__": {"gain": float}, "phrase": "dimmed {gain}"},
+        {"__annotations__": {"gain": "float"}, "gain": 0.5},
+    ):
+        with pytest.raises(PluginError, match=r"has 'gain', but is no dataclass.*write @dataclass above the class"):
+            Registry().register_perturbation(type("Dimmed", (Perturbation,), body))
+
+
+def test_what_is_no_severity_needs_no_dataclass() -> None:
+    body = {"__annotations__": {"table": "ClassVar[int]", "_seen": int, "phrase": str}, "table": 3, "_seen": 0}
+    Registry().register_perturbation(type("Dimmed", (Perturbation,), {**body, "phrase": "dimmed"}))
+
+
+def test_an_object_in_place_of_a_perturbation_is_refused() -> None:
+    with pytest.raises(
+        PluginError, match=r"NoisyWheel.* is not a perturbation: .*subclass of Perturbation, without br"
+    ):
+        Registry().register_perturbation(NoisyWheel())  # type: ignore[arg-type]
+
+
+def test_an_entry_point_of_a_built_in_name_is_told_what_can_be_done_about_it(install: Install) -> None:
+    install("bold-worlds", "1.0", group="simulators", entry="embedded", source="class Entry: pass")
+    with pytest.raises(PluginError, match=r"built in and bold-worlds 1\.0\. What is built in keeps its meaning"):
+        Registry().simulator("embedded")
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [("DS", "'DS' is a built-in metric and keeps its meaning"), ("top speed", "Call it 'top_speed', say")],
+)
+def test_a_metric_of_an_entry_point_that_no_sentence_reaches_is_told(
+    install: Install, entry: str, message: str
+) -> None:
+    install("speeds", "1.0", group="metrics", entry=entry, source="def Entry(results): return 1.0")
+    (problem,) = Registry().problems()
+    assert str(problem).startswith(f"the metric {entry!r} from speeds 1.0 cannot be used: ")
+    assert message in str(problem)
+
+
+def test_an_entry_point_group_that_is_misspelt_is_told_where_its_name_is_missed(install: Install) -> None:
+    install("lost-agents", "1.0", group="agent", entry="lost", source=AGENT)
+    told = (
+        r"'lost' from lost-agents 1\.0 stands in the entry point group 'pytest_drive_robust\.agent', which is none\. "
+    )
+    with pytest.raises(UnknownNameError, match=told + r"Did you mean 'pytest_drive_robust\.agents'\?"):
+        Registry().agent("lost")
+    (problem,) = Registry().problems()
+    assert "lost-agents 1.0" in str(problem)
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ({"ladder": ("gian", (0.9, 0.5))}, r"the ladder of Dimmed is \('gian', \(0\.9, 0\.5\)\), expected .*\(gain\)"),
+        ({"ladder": ["gain", 0.9, 0.5]}, "the ladder of Dimmed is .*, expected one of its fields"),
+        ({"ladder": ("gain", ())}, "the ladder of Dimmed is .*values from mild to severe"),
+        ({"ladder": ("gain", "low high")}, "the ladder of Dimmed is .*values from mild to severe"),
+        ({"variants": {"dark": {"gian": 0.1}}}, "'variants' of Dimmed names 'gian', .* Did you mean 'gain'"),
+        ({"readings": {"released": {"gian": 0.1}}}, "'readings' of Dimmed names 'gian'"),
+        ({"example": {"gian": 0.1}}, "'example' of Dimmed names 'gian'"),
+        ({"variants": ["dark"]}, "cannot be used: AttributeError: 'list' object has no attribute"),
+    ],
+)
+def test_what_a_failure_says_of_itself_is_checked_where_it_is_registered(said: dict[str, object], message: str) -> None:
+    body = {"__annotations__": {"gain": float}, "gain": 0.5, "phrase": "dimmed {gain}", **said}
+    with pytest.raises(PluginError, match=message):
+        Registry().register_perturbation(dataclass(type("Dimmed", (Perturbation,), body)))
+
+
+def test_a_ladder_of_ticks_and_one_beside_a_field_without_a_default_are_taken() -> None:
+    body = {
+        "__annotations__": {"place": str, "late_ms": float},
+        "phrase": "{late_ms} ms late",
+        "ladder": ("late_ms", "ticks"),
+    }
+    Registry().register_perturbation(dataclass(type("Late", (Perturbation,), body)))

@@ -332,5 +332,5 @@ def test_margins_stand_beside_other_requirements() -> None:
 def test_a_failure_that_does_not_load_is_told_beside_a_sentence_that_does_not_parse(monkeypatch) -> None:
     problems = lambda: (PluginError("the perturbation 'late-dim' from dims 1.0 does not load"),)  # noqa: E731
     monkeypatch.setattr(default_registry(), "problems", problems)
-    with pytest.raises(RequirementError, match=r"Left out, because it does not load: .*'late-dim' from dims 1\.0"):
+    with pytest.raises(RequirementError, match=r"Left out: .*'late-dim' from dims 1\.0"):
         requirements("RD under late dim 0.5 <= 0.3")
