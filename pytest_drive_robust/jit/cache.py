@@ -72,7 +72,7 @@ def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
     seen.add(id(function))
     code = function.__code__
     digest.update(function.__name__.encode())
-    for value in (code, *(function.__defaults__ or ())):
+    for value in (code, *(function.__defaults__ or ()), *(function.__kwdefaults__ or {}).values()):
         _add_value(value, code.co_names, digest, seen)
     for cell in function.__closure__ or ():
         _add_value(cell.cell_contents, code.co_names, digest, seen)

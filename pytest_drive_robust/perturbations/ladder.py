@@ -20,6 +20,7 @@ from pytest_drive_robust.perturbations.sentences import brackets, render_value
 from pytest_drive_robust.perturbations.severity import whole_ticks
 
 _LONGEST_DELAY_S = 1.0
+_ROUNDING = 1e-9  # of a second by the length of a tick
 
 
 @dataclass(frozen=True)
@@ -150,5 +151,6 @@ def _one_way(levels: tuple[float, ...]) -> bool:
 
 
 def _ticks(dt_s: float) -> tuple[float, ...]:
-    """Return whole ticks in milliseconds, up to a second."""
-    return tuple(round(1000.0 * dt_s * count, 6) for count in range(1, round(_LONGEST_DELAY_S / dt_s) + 1))
+    """Return whole ticks in milliseconds, up to a second, at least one."""
+    most = max(1, math.floor(_LONGEST_DELAY_S / dt_s + _ROUNDING))
+    return tuple(round(1000.0 * dt_s * count, 6) for count in range(1, most + 1))

@@ -87,4 +87,11 @@ def refusal(owner: object, name: str, expected: str) -> PerturbationError:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, numbers.Real) and not isinstance(value, bool)
+    """Return whether this is a number that a float can be: a whole one may have more digits."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        return False
+    try:
+        float(value)
+    except OverflowError:
+        return False
+    return True

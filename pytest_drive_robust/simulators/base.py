@@ -60,9 +60,17 @@ class Simulator(Protocol):
     tell.
     """
 
-    name: str
-    version: str
-    dt_s: float
+    @property
+    def name(self) -> str:
+        """What people call it: messages and results name it so."""
+
+    @property
+    def version(self) -> str:
+        """Of the world itself: another one drives every episode again."""
+
+    @property
+    def dt_s(self) -> float:
+        """Seconds of a tick, above 0."""
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""

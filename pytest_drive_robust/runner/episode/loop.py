@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import math
 import time
 from array import array
 from collections.abc import Callable, Mapping
@@ -19,7 +20,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, read_only
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
-from pytest_drive_robust.errors import AgentError, SimulationError
+from pytest_drive_robust.errors import AgentError, PerturbationError, SimulationError
 from pytest_drive_robust.perturbations.base import RunningStack, Setting
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
 from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
@@ -33,6 +34,7 @@ _OUTCOMES = {
     End.AGENT_CRASHED: Outcome.AGENT_ERROR,
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
+_WORLD, _PERTURBATION = "the simulation", "a perturbation"
 _ROUNDING_PCT = 1e-6
 """A sum of the metres outside may be longer than the way itself in its last digits."""
 
@@ -131,6 +133,7 @@ class RunningEpisode:
         self._lane_map: LaneMap | None = None  # the agent's own
         self._rows = array("d")  # of a `Trace`, one after the other
         self._done = False
+        self._whose = _WORLD  # code runs, besides the agent's
 
     @property
     def over(self) -> bool:
@@ -143,8 +146,10 @@ class RunningEpisode:
             return action()
         except (AgentError, SimulationError) as error:
             self.fail(error)
+        except PerturbationError as error:  # it says whose call it was
+            self.fail(SimulationError(str(error)))
         except Exception as error:
-            self.fail(SimulationError(blame("the simulation", error)))
+            self.fail(SimulationError(blame(self._whose, error)))
         return None
 
     def fail(self, error: AgentError | SimulationError) -> None:
@@ -160,6 +165,8 @@ class RunningEpisode:
 
     def start(self) -> None:
         """Build the world, then reset the agent and the perturbations."""
+        if not 0.0 < self.simulator.dt_s < math.inf:
+            raise SimulationError(f"dt_s is {self.simulator.dt_s!r}, expected the seconds of a tick, above 0")
         self._enter("reset")
         self.privileged = is_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
@@ -169,16 +176,20 @@ class RunningEpisode:
         self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
         self._mounted = {camera.name: camera for camera in cameras or self._view}
-        self.state = self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
+        self.state = _checked_state(
+            "reset", self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
+        )
         self.plan = self.simulator.plan()
         self._enter("reset")
         agent_reset(self.agent, self.plan, self.seed)
         self._enter("sim")
+        self._whose = _PERTURBATION
         self.stack = self.setting.start(
             route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
         )
         self.warmup_ticks = self.stack.warmup_ticks
-        self._done = self.simulator.done is not None
+        self._whose = _WORLD
+        self._done = _ends(self.simulator.done)
 
     def tick(self) -> None:
         """Observe, ask the agent when its computer is free, step the world."""
@@ -196,8 +207,11 @@ class RunningEpisode:
         self.images = captured.cameras
         if self.shows_view:
             captured = replace(captured, cameras={})
+        self._whose = _PERTURBATION
         self._seen = observation = stack.observe(captured)
-        if not stack.wants_inference(self.ticks):
+        wanted = stack.wants_inference(self.ticks)
+        self._whose = _WORLD
+        if not wanted:
             self.advance(None, 0.0)
             return None
         self.witness.seen(captured, observation)
@@ -252,7 +266,9 @@ class RunningEpisode:
             self._enter("act")
             self.surroundings.see_plan(tick, self.agent)
             self._enter("sim")
+        self._whose = _PERTURBATION
         applied = stack.actuate(tick, control, inference_s)
+        self._whose = _WORLD
         if not isinstance(applied, Control):
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}, expected a Control or None")
         if applied is not control and (problem := applied.problem()) is not None:
@@ -261,14 +277,14 @@ class RunningEpisode:
             applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
         else:
             self.witness.applied(tick, control, applied)
-        self.state = self.simulator.step(applied)
-        ego = self.state.ego
+        self.state = after = _checked_state("step", self.simulator.step(applied))
+        ego = after.ego
         self._rows.extend((ego.x_m, ego.y_m, ego.yaw_rad, ego.speed_mps, ego.forward_mps2, ego.right_mps2))
         self._rows.extend((ego.yaw_rate_radps, applied.throttle, applied.steer, applied.brake))
         self._rows.append(self.simulator.progress_m)
         self.ticks += 1
         self._watch.ticked(tick, state, observation, control, applied)
-        self._done = self.simulator.done is not None
+        self._done = _ends(self.simulator.done)
 
     def result(self, episode: Episode) -> EpisodeResult:
         """Return what came of the episode. A world that cannot report its score makes it an `infra_error`."""
@@ -329,6 +345,20 @@ class RunningEpisode:
         if self.crash is not None or score is None:
             return End.SIMULATION_CRASHED, str(self.crash)
         return score.end, score.end_detail
+
+
+def _checked_state(call: str, state: object) -> WorldState:
+    """Return what the world answered. Raises `SimulationError` for what is no state of it."""
+    if not isinstance(state, WorldState):
+        raise SimulationError(f"{call}() gave {state!r}, expected a WorldState")
+    return state
+
+
+def _ends(done: object) -> bool:
+    """Return whether the world ends the episode. Raises `SimulationError` for an answer that may mean either."""
+    if done is None or isinstance(done, End):
+        return done is not None
+    raise SimulationError(f"done is {done!r}, expected an End, and None while the episode goes on")
 
 
 def _checked_score(score: object) -> EpisodeScore:

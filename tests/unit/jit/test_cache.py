@@ -84,6 +84,12 @@ def test_any_change_of_what_is_compiled_changes_it(tmp_path: Path, change: tuple
     assert content_digest(written(tmp_path / "b", TEXT.replace(*change)).whole) != first
 
 
+def test_a_default_of_a_keyword_changes_it(tmp_path: Path) -> None:
+    text = TEXT.replace("part(x: float)", "part(x: float, *, y: float = 3.0)").replace("FACTOR * x", "y * x")
+    first = content_digest(written(tmp_path / "a", text).whole)
+    assert content_digest(written(tmp_path / "b", text.replace("y: float = 3.0", "y: float = 4.0")).whole) != first
+
+
 def test_a_constant_of_another_module_changes_it(tmp_path: Path) -> None:
     first = content_digest(written(tmp_path / "a").whole)
     assert content_digest(written(tmp_path / "b", offset="11.0").whole) != first

@@ -393,18 +393,24 @@ def test_a_world_that_says_that_it_crashed_is_believed() -> None:
     assert drive(ScriptedAgent([FULL]), simulator=simulator).outcome is Outcome.INFRA_ERROR
 
 
-def test_a_perturbation_that_raises_is_not_blamed_on_the_agent() -> None:
-    @dataclass
-    class Short(Perturbation):
-        phrase = "short circuit"
+@pytest.mark.parametrize("method", ["reset", "observe", "wants_inference", "actuate"])
+def test_a_perturbation_that_raises_is_blamed_and_neither_the_agent_nor_the_world(method: str) -> None:
+    def short(*given: object) -> None:
+        raise OSError("short circuit")
 
-        def observe(self, observation: Observation) -> Observation:
-            raise OSError("short circuit")
-
-    result = drive(ScriptedAgent([FULL]), setting=Setting.of(Short()))
+    failure = type("Short", (Perturbation,), {method: short})
+    result = drive(ScriptedAgent([FULL]), setting=Setting.of(failure()))
     assert result.outcome is Outcome.INFRA_ERROR
-    assert "short circuit" in result.end_detail
+    assert result.end_detail.startswith("a perturbation raised OSError: short circuit (")
     assert "test_loop.py" in result.end_detail
+
+
+def test_a_world_that_raises_under_a_perturbation_is_blamed() -> None:
+    simulator = FakeSimulator(raises=OSError("short circuit"), raises_at=25)
+    result = drive(
+        ScriptedAgent([FULL]), simulator=simulator, setting=Setting.parse("100 ms latency and speed noise 0.5")
+    )
+    assert result.end_detail.startswith("the simulation raised OSError: short circuit")
 
 
 def test_a_perturbation_that_invents_an_impossible_control_is_not_blamed_on_the_agent() -> None:
@@ -620,6 +626,33 @@ def test_images_that_the_world_does_not_give_are_not_blamed_on_the_agent(
 
     result = drive(ScriptedAgent([FULL], cameras=(CAMERA,)), simulator=Blind())
     assert (result.end, result.ticks, result.end_detail) == (End.SIMULATION_CRASHED, 20, told)
+
+
+@pytest.mark.parametrize(
+    ("change", "ticks", "told"),
+    [
+        (
+            {"done": property(lambda world: False)},
+            0,
+            "done is False, expected an End, and None while the episode goes on",
+        ),
+        (
+            {"done": property(lambda world: True if world._tick > 20 else None)},
+            21,
+            "done is True, expected an End, and None while the episode goes on",
+        ),
+        ({"step": lambda world, control: None}, 0, "step() gave None, expected a WorldState"),
+        ({"reset": lambda world, route, seed, cameras: None}, 0, "reset() gave None, expected a WorldState"),
+        ({"dt_s": 0.0}, 0, "dt_s is 0.0, expected the seconds of a tick, above 0"),
+        ({"dt_s": math.nan}, 0, "dt_s is nan, expected the seconds of a tick, above 0"),
+    ],
+)
+def test_an_answer_of_the_world_that_says_nothing_is_no_score_of_the_agent(
+    change: dict[str, object], ticks: int, told: str
+) -> None:
+    world = type("Odd", (FakeSimulator,), change)
+    result = drive(ScriptedAgent([FULL]), simulator=world())
+    assert (result.outcome, result.ticks, result.end_detail) == (Outcome.INFRA_ERROR, ticks, told)
 
 
 @pytest.mark.parametrize("name", ["x_m", "speed_mps", "forward_mps2"])
