@@ -243,7 +243,7 @@ def test_infractions_that_are_left_of_the_last_episode_are_found() -> None:
 @pytest.mark.parametrize(
     ("done", "told"),
     [
-        (False, "after 0 ticks done is False, expected an End"),
+        (False, "tick 0: done is False, expected an End"),
         (End.COMPLETED, "the episode is over after 0 ticks"),
         ("finished", "done is 'finished', expected an End"),
     ],
