@@ -154,15 +154,15 @@ def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
 @pytest.mark.parametrize(
     ("failure", "told"),
     [
-        ("GPS loss", "*GpsLoss.observe gave an observation whose*"),
-        ("slow computer 2", "*SlowComputer.wants_inference gave None,*"),
-        ("all late 5", "*AllLate.observe gave the observation of tick 0 in tick*"),
+        ("GPS loss", "GpsLoss.observe gave an observation whose*"),
+        ("slow computer 2", "SlowComputer.wants_inference gave None,*"),
+        ("all late 5", "AllLate.observe gave the observation of tick 0 in tick*"),
     ],
 )
 def test_a_perturbation_that_gives_what_cannot_be_used_is_an_error_not_a_failure(suite, failure, told):
     result = run(suite(f"RD under {failure} <= 0.30", conftest=LOST), "--drive-agent", "follower")
     result.assert_outcomes(errors=1)
-    result.stdout.fnmatch_lines(["3 x simulation error, never scored: *", told])
+    result.stdout.fnmatch_lines([f"3 x simulation error, never scored: {told}"])
 
 
 def test_an_agent_that_breaks_its_contract_is_scored_and_listed(suite):
