@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
@@ -17,11 +18,13 @@ from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS
 from _paper.readings import READINGS, SAME, Drives
 from _paper.results import Results, Scores, SeedScores
 
+from pytest_drive_robust.stats.intervals import mean_interval
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 AGENTS_PAGE = BENCHMARKS.parent / "docs" / "gallery" / "agents.md"
 PAGE = (BENCHMARKS / "paper" / "README.md").read_text(encoding="utf-8")
+TWO_SECONDS = "0 ms latency (mode=hold, warmup_ticks=40)"
 COUNTS = ("no", "one", "two", "three", "four", "five")
 
 
@@ -120,6 +123,31 @@ def test_the_fourth_routes_are_those_that_the_page_tells_of(results: Results) ->
             for rows in AVERAGES.values():
                 lost = [degradation(Drives(one, reading), agent, rows).value for one in (more, results)]
                 assert abs(lost[0] - lost[1]) < 0.02
+
+
+def test_what_uniad_gains_by_standing_is_what_its_scores_say(results: Results) -> None:
+    more = json.loads((BENCHMARKS / "paper" / "standing.json").read_text(encoding="utf-8"))
+    driven = results.agents[more["agent"]]
+    assert (more["world"], more["weights"]) == (results.world["simulator"], driven.made_of["weights"])
+    assert more["routes"] == list(results.routes)
+    once = {setting: scores.of_seeds[0].driving_score for setting, scores in driven.settings.items()}
+    seeds = [once | more["driving_score"]["0"], more["driving_score"]["1"]]
+
+    def gained(setting: str, scores: Sequence[Mapping[str, Sequence[float]]]) -> str:
+        gains = [np.subtract(of[setting], of["clean"]) for of in scores if setting in of]
+        if len(gains) < len(scores):
+            return "-"
+        low, high = mean_interval(np.mean(gains, axis=0).tolist())
+        return f"{np.mean(gains):.1f} ({low:.1f} to {high:.1f})"
+
+    second = "0 ms latency (reading=released)"
+    rows = {"100 ms late": "100 ms latency", "one second of standing": second, "two seconds of standing": TWO_SECONDS}
+    for name, setting in rows.items():
+        cells = [gained(setting, of) for of in (seeds[:1], seeds[1:], seeds)]
+        assert f"| {name} | {' | '.join(cells)} |" in PAGE
+    assert f"`DS under {TWO_SECONDS} >= 1`" in PAGE
+    explained = " ".join((BENCHMARKS / "paper" / "explanations.md").read_text(encoding="utf-8").split())
+    assert gained(second, seeds).replace(" (", " points of DS (").removesuffix(")") in explained
 
 
 def test_efficiency_beside_that_of_the_paper(results: Results) -> None:
