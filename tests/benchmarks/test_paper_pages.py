@@ -24,6 +24,7 @@ from pytest_drive_robust.stats.quantiles import normal_quantile
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 AGENTS_PAGE = BENCHMARKS.parent / "docs" / "gallery" / "agents.md"
 PAGE = (BENCHMARKS / "paper" / "README.md").read_text(encoding="utf-8")
+SENTENCES = " ".join(PAGE.split())  # wherever their lines end
 TWO_SECONDS = "0 ms latency (mode=hold, warmup_ticks=40)"
 COUNTS = ("no", "one", "two", "three", "four", "five")
 
@@ -63,8 +64,8 @@ def test_the_page_counts_routes_and_episodes(results: Results) -> None:
     settings = {len(driven.settings) for driven in results.agents.values()}
     episodes = len(results.routes) * len(results.seeds) * len(AGENTS) * settings.pop()
     assert not settings
-    assert f"{len(results.routes)}, with seed" in PAGE
-    assert f"{episodes:,} episodes" in PAGE
+    assert f"{len(results.routes)}, with seed" in SENTENCES
+    assert f"{episodes:,} episodes" in SENTENCES
 
 
 def test_the_table_of_the_parts_is_counted(parts: Sequence[Results]) -> None:
@@ -84,7 +85,7 @@ def test_the_rank_correlations_of_the_parts_are_counted(parts: Sequence[Results]
         [f"{agreement(Drives(one, reading), SETTINGS).correlation.value:.2f}" for one in parts] for reading in READINGS
     )
     first = f"{', '.join(code[:-1])} and {code[-1]} by the released code"
-    assert f"{first}, {', '.join(equations[:-1])} and {equations[-1]} by the equations" in PAGE
+    assert f"{first}, {', '.join(equations[:-1])} and {equations[-1]} by the equations" in SENTENCES
 
 
 def error(means: Means) -> float:
@@ -101,24 +102,24 @@ def test_the_settings_in_which_the_parts_differ_are_counted(parts: Sequence[Resu
             for first, second in combinations([rd_means(Drives(one, reading), agent, (row,)) for one in parts], 2):
                 if abs(first[0] - second[0]) > normal_quantile(0.975) * np.hypot(error(first), error(second)):
                     apart.append(agent)
-    assert f"settings, {len(rows) * len(AGENTS)} of which" in PAGE
-    assert f"{COUNTS[len(apart)]} pairs are as far apart as chance makes one in twenty" in PAGE
+    assert f"settings, {len(rows) * len(AGENTS)} of which" in SENTENCES
+    assert f"{COUNTS[len(apart)]} pairs are as far apart as chance makes one in twenty" in SENTENCES
     assert set(apart) == {"tcp"}  # as the page says
 
 
 def test_the_fourth_routes_are_those_that_the_page_tells_of(results: Results) -> None:
     files = [BENCHMARKS / "paper" / name for name in ("results.json", "fourth-routes.json")]
     if not files[1].exists():  # all four agents have driven them
-        assert files[1].name not in PAGE
+        assert files[1].name not in SENTENCES
         return
     agents = list(read(files[1:]).agents)
     more = read(files, only=agents)
-    assert f"With these {len(more.routes)} routes" in PAGE
+    assert f"With these {len(more.routes)} routes" in SENTENCES
     for agent in agents:
         clean = Drives(more, READINGS[0])
         score, successes = (of(clean, agent, (CLEAN,)) for of in (driving_score, success_rate))
-        assert f"{score.value:.1f} ({score.low:.0f} to {score.high:.0f})" in PAGE
-        assert f"{100 * successes.value:.0f} % ({100 * successes.low:.0f} to {100 * successes.high:.0f})" in PAGE
+        assert f"{score.value:.1f} ({score.low:.0f} to {score.high:.0f})" in SENTENCES
+        assert f"{100 * successes.value:.0f} % ({100 * successes.low:.0f} to {100 * successes.high:.0f})" in SENTENCES
         for reading in READINGS:
             for rows in AVERAGES.values():
                 lost = [degradation(Drives(one, reading), agent, rows).value for one in (more, results)]
@@ -144,8 +145,8 @@ def test_what_uniad_gains_by_standing_is_what_its_scores_say(results: Results) -
     rows = {"100 ms late": "100 ms latency", "one second of standing": second, "two seconds of standing": TWO_SECONDS}
     for name, setting in rows.items():
         cells = [gained(setting, of) for of in (seeds[:1], seeds[1:], seeds)]
-        assert f"| {name} | {' | '.join(cells)} |" in PAGE
-    assert f"`DS under {TWO_SECONDS} >= 1`" in PAGE
+        assert f"| {name} | {' | '.join(cells)} |" in SENTENCES
+    assert f"`DS under {TWO_SECONDS} >= 1`" in SENTENCES
     explained = " ".join((BENCHMARKS / "paper" / "explanations.md").read_text(encoding="utf-8").split())
     assert gained(second, seeds).replace(" (", " points of DS (").removesuffix(")") in explained
 
