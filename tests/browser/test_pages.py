@@ -334,7 +334,7 @@ def test_equal_limits_stand_at_equal_places(opened, tmp_path):
     ("comparison", "limit", "ends"),
     [(">=", 50.0, [(4.0, 100.0), (4.0, 80.8)]), ("<=", 20.0, [(42.4, 196.0), (61.6, 196.0)])],
 )
-def test_what_a_pass_from_evidence_stays_out_of_is_darker(opened, tmp_path, comparison, limit, ends):
+def test_what_a_pass_from_evidence_stays_out_of_is_shaded_more(opened, tmp_path, comparison, limit, ends):
     judged = judged_as(
         "pass", 45.0, limit=limit, comparison=comparison, low=41.0, high=49.0, rule="evidence", margin=10.0
     )
@@ -344,13 +344,13 @@ def test_what_a_pass_from_evidence_stays_out_of_is_darker(opened, tmp_path, comp
         for part in page.locator(".bullet .forbidden").all()
     ]
     assert [(round(x, 3), round(x + width, 3)) for x, width in drawn] == ends, "from the limit and from its margin on"
-    assert "darker beyond its margin" in text(page, "main .legend")
+    assert "more strongly beyond its margin" in text(page, "main .legend")
 
 
 def test_rules_without_a_margin_have_one_shade(opened, tmp_path):
     page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 55.0, rule="point")])).go()
     assert page.locator(".bullet .forbidden").count() == 1
-    assert "darker" not in text(page, "main .legend")
+    assert "strong" not in text(page, "main .legend")
 
 
 @pytest.mark.parametrize(

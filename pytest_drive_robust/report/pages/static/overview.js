@@ -76,7 +76,7 @@ driveRobust.views.set("", (() => {
   function legendOf(items) {
     const levels = new Map(items.filter((item) => item.value !== null).map((item) => [item.rule === "evidence", item.level]));
     const words = [...levels].map(([evidence, level]) => `${level} interval${evidence ? " on routes like these (rule evidence)" : levels.size > 1 ? " (rules list and point)" : ""}`);
-    const margin = items.some((item) => item.value !== null && item.lenient !== null) ? ", darker beyond its margin: a pass stays out of the darker part, a fail lies in the shaded" : "";
+    const margin = items.some((item) => item.value !== null && item.lenient !== null) ? ", more strongly beyond its margin: a pass stays out of the stronger shade, a fail lies in either" : "";
     return words.length ? h("p", { class: "legend" }, `Bar: ${words.join(", ")}; line: the limit, shaded beyond it${margin}; each metric has one scale.`) : null;
   }
 
