@@ -27,6 +27,8 @@ from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import BUILTIN, Setting
 
 _INJECT = Path(__file__).with_name("inject.py")
+_INJECTED_LOG = "injected.jsonl"
+"""Where `inject.py` tells what it did, beside the result of a try."""
 _REFUSED = 78
 _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
@@ -102,16 +104,17 @@ def drive_route(
     A route that has one already is not driven; without `reuse` it is, and what was there is replaced by its new score.
     Where another command drives it, wait for what comes of that.
 
-    Raises `UsageError` when the evaluator cannot be started like this at all.
+    Raises `UsageError` when the evaluator cannot be started like this at all, and when the agent cannot be given what
+    fails.
     """
-    finished = read_finished(run_folder, route) if reuse else None
+    finished = read_finished(run_folder, route, setup.setting) if reuse else None
     if finished is not None:
         return finished
     claim = run_folder.claim(route, stop)
     if claim is None:
         return DrivenRoute(route, None, (), {}, 0.0)
     with claim:
-        finished = read_finished(run_folder, route) if reuse else None  # by the one who had the claim until now
+        finished = read_finished(run_folder, route, setup.setting) if reuse else None  # by the one who had the claim until now
         return finished or _drive(setup, route, run_folder, slot=slot, stop=stop)
 
 
@@ -127,27 +130,35 @@ def _drive(
             break
         log = run_folder.log(route, number)
         record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)
+        injected = _injected(run_folder.work(route) / _INJECTED_LOG)
         if record is not None and _is_innocent(record, ended, log):
             trouble, record = f"{record.status}, after the CARLA server was lost", None
+        if record is not None and not _shows(setup.setting, record, injected):
+            _refuse_unseen(setup.setting, injected)
+            trouble, record = f"{record.status}, but nothing tells that {str(setup.setting)!r} was injected", None
         if record is not None:
             _keep(run_folder, route)
             shutil.rmtree(run_folder.work(route), ignore_errors=True)
-            return DrivenRoute(route, record, tuple(troubles), _injected(run_folder.injected(route)), wall_s)
+            return DrivenRoute(route, record, tuple(troubles), injected, wall_s)
         _refuse_hopeless(ended, log)
         troubles.append(f"{trouble} (see {log})")
     shutil.rmtree(run_folder.work(route), ignore_errors=True)
     return DrivenRoute(route, None, tuple(troubles), {}, wall_s)
 
 
-def read_finished(run_folder: RunFolder, route: str) -> DrivenRoute | None:
+def read_finished(run_folder: RunFolder, route: str, setting: Setting) -> DrivenRoute | None:
     """Return what an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
         return None
     record, trouble = _reading(path, route, Attempt(0, "", 0.0))
+    injected = _injected(run_folder.injected(route))
+    if record is not None and not _shows(setting, record, injected):
+        told = f"{str(run_folder.injected(route))!r} does not tell that {str(setting)!r} was injected"
+        trouble, record = told, None
     if record is None:
         raise UsageError(f"{str(path)!r} is not a finished result: {trouble}. Remove it to drive the route again.")
-    return DrivenRoute(route, record, (), _injected(run_folder.injected(route)), record.wall_s)
+    return DrivenRoute(route, record, (), injected, record.wall_s)
 
 
 def _digest(path: Path) -> str:
@@ -216,7 +227,7 @@ def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[s
 def _own_variables(setup: EvaluatorSetup, work: Path, run_folder: RunFolder) -> dict[str, str]:
     return {
         "CUDA_VISIBLE_DEVICES": str(setup.gpu),  # as the official script has it; CARLA gets --gpu-rank
-        "PDR_SETTING": setting_as_json(setup.setting, seed=setup.seed, log=str(work / "injected.jsonl")),
+        "PDR_SETTING": setting_as_json(setup.setting, seed=setup.seed, log=str(work / _INJECTED_LOG)),
         "PDR_LOG": "",
         "ROUTES": str(setup.routes),
         "TEAM_AGENT": str(setup.agent),
@@ -270,7 +281,7 @@ def _is_innocent(record: OfficialRecord, ended: Attempt, log: Path) -> bool:
 
 def _keep(run_folder: RunFolder, route: str) -> None:
     """Move the result last: a route with a result is a finished one."""
-    log = run_folder.work(route) / "injected.jsonl"
+    log = run_folder.work(route) / _INJECTED_LOG
     if log.is_file():
         os.replace(log, run_folder.injected(route))
     else:
@@ -285,6 +296,22 @@ def _injected(path: Path) -> Mapping[str, object]:
     except (OSError, ValueError):
         return {}
     return told if isinstance(told, dict) else {}
+
+
+def _shows(setting: Setting, record: OfficialRecord, injected: Mapping[str, object]) -> bool:
+    """Return True when the agent was given what fails, or broke, which it may have done before its first tick."""
+    broke = STATUSES[record.status][0] is Outcome.AGENT_ERROR
+    return setting.is_clean or broke or bool(injected.get("injected_ticks"))
+
+
+def _refuse_unseen(setting: Setting, injected: Mapping[str, object]) -> None:
+    """Raise `UsageError` where the agent drove past the injection: another try would end the same."""
+    if injected.get("ticks"):
+        raise UsageError(
+            f"the agent drove {injected['ticks']} ticks and read no sensors through the evaluator's SensorInterface, so "
+            f"that {str(setting)!r} did not reach it. Let its sensors() list what it reads, and run_step() use what it "
+            "is given."
+        )
 
 
 def _refuse_hopeless(ended: Attempt, log: Path) -> None:

@@ -128,7 +128,9 @@ class Bench2DriveExecutor(Executor):
     def finished(self, request: EpisodeRequest) -> EpisodeResult | None:
         """Return what an earlier command drove, or None where it must be driven. Raises `UsageError` for damage."""
         run_folder = self.run_folder(request)
-        driven = drive.read_finished(run_folder, request.route.id) if self._reuses(run_folder, request) else None
+        if not self._reuses(run_folder, request):
+            return None
+        driven = drive.read_finished(run_folder, request.route.id, request.setting)
         return None if driven is None else self._result(driven, request, run_folder)
 
     def run_folder(self, request: EpisodeRequest) -> RunFolder:

@@ -64,6 +64,7 @@ class Injector:
                 self._given = self._perturbed(raw)
             except Exception as error:
                 raise self.trouble(f"the injection failed: {error!r}") from error
+            self._injected_ticks += self.plan.observes
             self._reading_s += time.perf_counter() - asked_s
         assert self._given is not None
         return dict(self._given)
@@ -89,6 +90,7 @@ class Injector:
         self._running: RunningStack | None = None
         self._past: dict[int, SensedTick] = {}
         self._tick = -1
+        self._injected_ticks = 0
         self._frame = None
         self._given = None
         self._reading_s = 0.0
@@ -117,6 +119,7 @@ class Injector:
             if control is not None:
                 self._seen = control = copied(control)
             due = self._stack().actuate(self._tick, control, inference_s)
+            self._injected_ticks += not self.plan.observes
             return neutral_like(self._seen) if due is Control.NEUTRAL else copied(due)
         except Exception as error:
             raise self.trouble(f"the injection failed: {error!r}") from error
@@ -129,6 +132,7 @@ class Injector:
         return self._running
 
     def _line(self) -> dict[str, Any]:
+        """Return what was done. `injected_ticks`: in which the agent read what fails, or a command went by late."""
         stack = self._stack()
         return {
             "route": self._route,
@@ -137,6 +141,7 @@ class Injector:
             "setting": self.plan.told,
             "dt_s": self.plan.dt_s,
             "ticks": self._tick + 1,
+            "injected_ticks": self._injected_ticks,
             "schedule": [list(dataclasses.astuple(stretch)) for stretch in stack.schedule()],
             "inference_s": list(stack.inference_s),
         }

@@ -66,6 +66,39 @@ def test_the_agent_is_driven_under_the_setting_in_the_evaluators_environment(
     assert json.loads(line)["schedule"] == [["gps-noise", "gps", 0, 29], ["inference-latency", "control", 0, 29]]
 
 
+@pytest.mark.parametrize("setting", ["GPS noise 5 m", "100 ms latency"])
+def test_a_score_without_a_sign_that_anything_failed_is_no_result(
+    setting: str, official_executor: Callable[..., Any], tmp_path: Path
+) -> None:
+    made, task = official_executor(tries=2)
+    request = task("no-cleanup", Setting.parse(setting))
+    result = made.submit(request).result(PATIENCE_S)
+    assert result.outcome is Outcome.INFRA_ERROR
+    assert result.end_detail.count(f"Completed, but nothing tells that '{setting}' was injected") == 2
+    assert made.finished(request) is None
+    assert made.submit(task("no-cleanup")).result(PATIENCE_S).outcome is Outcome.COMPLETED  # nothing was to fail
+
+
+def test_an_agent_that_the_failures_do_not_reach_is_refused(official_executor: Callable[..., Any]) -> None:
+    made, task = official_executor(tries=2)
+    with pytest.raises(UsageError, match=r"drove 30 ticks and read no sensors.*'GPS noise 5 m' did not reach it"):
+        made.submit(task("looks-elsewhere", Setting.parse("GPS noise 5 m"))).result(PATIENCE_S)
+    late = made.submit(task("looks-elsewhere", Setting.parse("100 ms latency"))).result(PATIENCE_S)
+    assert late.outcome is Outcome.COMPLETED  # its commands are late all the same
+
+
+def test_a_finished_result_that_lost_what_was_injected_is_refused(
+    official_executor: Callable[..., Any], tmp_path: Path
+) -> None:
+    made, task = official_executor()
+    request = task("ok", Setting.parse("GPS noise 5 m"))
+    assert made.submit(request).result(PATIENCE_S).outcome is Outcome.COMPLETED
+    (line,) = tmp_path.glob("runs/*/injected/101.jsonl")
+    line.unlink()
+    with pytest.raises(UsageError, match=r"101.json' is not a finished result: .*101.jsonl' does not tell"):
+        made.finished(request)
+
+
 def test_an_agent_imports_packages_in_the_root_of_the_checkout(
     official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
