@@ -114,7 +114,8 @@ def drive_route(
     if claim is None:
         return DrivenRoute(route, None, (), {}, 0.0)
     with claim:
-        finished = read_finished(run_folder, route, setup.setting) if reuse else None  # by the one who had the claim until now
+        # by the one who had the claim until now
+        finished = read_finished(run_folder, route, setup.setting) if reuse else None
         return finished or _drive(setup, route, run_folder, slot=slot, stop=stop)
 
 
@@ -308,9 +309,9 @@ def _refuse_unseen(setting: Setting, injected: Mapping[str, object]) -> None:
     """Raise `UsageError` where the agent drove past the injection: another try would end the same."""
     if injected.get("ticks"):
         raise UsageError(
-            f"the agent drove {injected['ticks']} ticks and read no sensors through the evaluator's SensorInterface, so "
-            f"that {str(setting)!r} did not reach it. Let its sensors() list what it reads, and run_step() use what it "
-            "is given."
+            f"the agent drove {injected['ticks']} ticks and read no sensors through the evaluator's SensorInterface: "
+            f"{str(setting)!r} did not reach it. Let its sensors() list what it reads, and run_step() use what it is "
+            "given."
         )
 
 
