@@ -22,7 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_subparsers(required=True, metavar="WHAT")
     stats = what.add_parser("stats", help="how many episodes of which agents, how large, what driving them took")
     stats.set_defaults(command=_stats)
-    verify = what.add_parser("verify", help="read every record to its last byte. Exit code 1 when one is damaged")
+    verify = what.add_parser(
+        "verify", help="read every record to its last byte. Exit code 1 when one is damaged or cannot be read"
+    )
     verify.add_argument("--fix", action="store_true", help="move damaged records to aside/: they are driven again")
     verify.set_defaults(command=_verify)
     gc = what.add_parser(
@@ -74,10 +76,12 @@ def _verify(options: argparse.Namespace) -> int:
     count, damages = verify(folder)
     for damage in damages:
         print(f"{damage.path}: {damage.problem}")
-    damaged = [damage for damage in damages if not damage.later_version]
-    print(f"{folder}: {counted(count, 'episode')}, {len(damaged)} damaged")
+    damaged = [damage for damage in damages if not (damage.later_version or damage.unread)]
+    unread = sum(damage.unread for damage in damages)
+    more = f", {unread} that could not be read" if unread else ""
+    print(f"{folder}: {counted(count, 'episode')}, {len(damaged)} damaged{more}")
     if not damaged:
-        return 0
+        return 1 if unread else 0
     if not options.fix:
         print(
             "A run moves a damaged record to aside/ when it meets it and drives the episode again. --fix does it now."
@@ -85,7 +89,7 @@ def _verify(options: argparse.Namespace) -> int:
         return 1
     moved = set_aside(folder, damaged)
     print(f"{moved} moved to {folder / 'aside'}")
-    return 0 if moved == len(damaged) else 1
+    return 0 if moved == len(damaged) and not unread else 1
 
 
 def _gc(options: argparse.Namespace) -> int:

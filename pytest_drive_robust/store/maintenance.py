@@ -39,12 +39,17 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A record that cannot be used, and why. `later_version`: it belongs to another version of this program."""
+    """A record that cannot be used, and why.
+
+    `later_version`: it belongs to another version of this program. `unread`: the disk or the rights to the file did not
+    let it be read, which says nothing about what is in it.
+    """
 
     key: str
     path: Path
     problem: str
     later_version: bool = False
+    unread: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,13 +90,12 @@ def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
 def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
     """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many were moved.
 
-    A run may have replaced one since it was found: a whole record stays.
+    A run may have replaced one since it was found: a whole record stays, and so does one of a later version or unread.
     """
     files = RecordFiles(folder)
-    found = [_damage(files, damage.key) for damage in damages]
-    return sum(
-        files.set_aside(damage.key) is not None for damage in found if damage is not None and not damage.later_version
-    )
+    found = (_damage(files, damage.key) for damage in damages)
+    damaged = [damage for damage in found if damage is not None and not (damage.later_version or damage.unread)]
+    return sum(files.set_aside(damage.key) is not None for damage in damaged)
 
 
 def _damage(files: RecordFiles, key: str) -> Damage | None:
@@ -108,7 +112,7 @@ def _damage(files: RecordFiles, key: str) -> Damage | None:
     except ValueError as error:
         return Damage(key, path, str(error))
     except OSError as error:
-        return Damage(key, path, f"it cannot be read: {error.strerror or error}")
+        return Damage(key, path, f"it cannot be read: {error.strerror or error}", unread=True)
     return None if whole else Damage(key, path, "its trace is not the one that its header tells of")
 
 

@@ -223,6 +223,22 @@ def test_the_command_verifies_and_sets_aside(store, capsys):
     assert run_cli(store, "verify") == 0
 
 
+def test_a_record_that_the_disk_does_not_give_is_told_and_stays(store, capsys):
+    files = RecordFiles(store.folder)
+    path = files.path("aa01")
+    path.unlink()
+    path.mkdir()  # as root, whom no rights keep out, a folder is what cannot be read
+    files.path("aa02").write_bytes(b"")
+    assert run_cli(store, "verify", "--fix") == 1
+    told = capsys.readouterr().out
+    assert f"{path}: it cannot be read: Is a directory" in told
+    assert "4 episodes, 1 damaged, 1 that could not be read" in told
+    assert "1 moved to" in told
+    assert path.is_dir()
+    assert run_cli(store, "verify") == 1
+    assert "3 episodes, 0 damaged, 1 that could not be read" in capsys.readouterr().out
+
+
 def test_the_command_sweeps_what_it_is_told_to(store, capsys):
     assert run_cli(store, "gc", "--agent", "other", "--dry-run") == 0
     assert "would remove 1 episode, 0 damaged records and 0 leftovers" in capsys.readouterr().out
