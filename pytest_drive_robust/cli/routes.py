@@ -6,19 +6,23 @@ import argparse
 from itertools import pairwise
 from math import hypot
 
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
+from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.report.numbers import counted
+from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names, set_summary
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
-from pytest_drive_robust.simulators.routes import resolve_routes
+from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `routes list`, `routes check` and `routes draw`."""
     what = parser.add_subparsers(required=True, metavar="WHAT")
     listing = what.add_parser("list", help="id, scenario, town, length and weather of each route")
+    add_pytest_option(listing, "--sim")
     listing.set_defaults(command=_list)
     check = what.add_parser("check", help="what was understood of each route, or why it cannot be driven")
     check.set_defaults(command=_check)
@@ -32,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = f"a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id; default: {DEFAULT_ROUTES}"
     for command in (listing, check, draw):
         command.add_argument("routes", nargs="?", default=DEFAULT_ROUTES, metavar="SET", help=text)
+    listing.set_defaults(routes=None)  # another world may have other routes
     draw.add_argument("ids", nargs="*", metavar="ID", help="only these of them")
 
 
@@ -43,10 +48,9 @@ def print_sets() -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    spec, routes = _routes(options)
+    spec, routes = _routes_of_world(options)
     rows = [
-        (route.id, route.scenario.type, route.town, f"{_length_m(route):.0f}", weather_name(route.weather))
-        for route in routes
+        (route.id, route.scenario.type, route.town, _length(route), weather_name(route.weather)) for route in routes
     ]
     print_table(
         {"id": RIGHT, "scenario": LEFT, "town": LEFT, "metres": RIGHT, "weather": LEFT},
@@ -77,6 +81,24 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
     return spec, resolve_routes(spec)
 
 
-def _length_m(route: Route) -> float:
-    """Return the length along the waypoints: a file can be listed whose towns we do not know."""
-    return sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(route.waypoints))
+def _routes_of_world(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
+    """Return routes as a run with this `--drive-sim` names them, which may have its own."""
+    asked = options.routes or DEFAULT_ROUTES
+    if options.sim == OPTIONS["--drive-sim"].default:
+        return asked, resolve_routes(asked)
+    from pytest_drive_robust.registry.registry import default_registry
+    from pytest_drive_robust.runner.before_driving import routes_of
+
+    world = default_registry().simulator(options.sim, SimulatorOptions())
+    try:
+        spec = default_spec(asked, world, given=options.routes is not None)
+        return spec, routes_of(spec, world)
+    finally:
+        world.close()
+
+
+def _length(route: Route) -> str:
+    """Return the metres along the waypoints: a file can be listed whose towns we do not know, and a world without."""
+    if len(route.waypoints) < 2:
+        return "-"
+    return f"{sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(route.waypoints)):.0f}"

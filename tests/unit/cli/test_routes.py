@@ -35,6 +35,18 @@ def test_ids_are_listed_in_the_order_given(capsys: pytest.CaptureFixture[str]) -
     assert shown.index(f"{second} ") < shown.index(f"{first} ")
 
 
+def test_a_world_lists_routes_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
+    world = "gymnasium:roundabout-v0"
+    assert main(["routes", "list", "--sim", world]) == 0
+    title, _, *rows = capsys.readouterr().out.splitlines()
+    assert title.strip() == f"{world}: 10 routes"
+    assert rows[1].split()[:4] == ["roundabout-v0-1", "roundabout-v0", world, "-"]
+    assert main(["routes", "list", "roundabout-v0-42", "--sim", world]) == 0
+    assert "1 route" in capsys.readouterr().out
+    assert main(["routes", "list", "roundabot-v0-1", "--sim", world]) == 4
+    assert "Did you mean 'roundabout-v0-1'?" in capsys.readouterr().err
+
+
 def test_a_sheet_is_drawn_with_and_without_cameras(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ids = ",".join(route.id for route in resolve_routes("one-per-scenario")[:2])
     assert main(["routes", "draw", ids, "-o", "two.png", "--size", "96"]) == 0
