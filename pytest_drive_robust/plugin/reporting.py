@@ -11,7 +11,7 @@ from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
-from pytest_drive_robust.plugin.run_outputs import RunOutputs
+from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.plugin.verdict_errors import is_open
@@ -82,12 +82,17 @@ class ReportingPlugin:
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
             whole = not self._deselected and every_test_ran(session)
-            found_tests = bool(session.testscollected) or self._deselected
-            problem = self._outputs.finish(whole=whole, ended_early=bool(early), found_tests=found_tests)
+            problem = self._outputs.finish(whole=whole, ended_early=bool(early), advice=self._advice(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:
             session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
+
+    def _advice(self, session: pytest.Session) -> str:
+        """Return what to do where nothing was driven."""
+        if session.testscollected or self._deselected:
+            return SELECT_TESTS
+        return MEND_TESTS if session.testsfailed else WRITE_TESTS
 
     def _why_early(self, session: pytest.Session) -> str:
         """Return in what way the run ended before all its tests had, as `-x` and Ctrl-C end it; empty otherwise."""

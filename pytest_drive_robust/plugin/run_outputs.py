@@ -25,8 +25,9 @@ from pytest_drive_robust.store.events import Event
 _NOTHING_DRIVEN = (
     "NOT GREEN: --drive-robust was given but no episode was driven, so nothing was shown about the agent. "
 )
-_SELECT_TESTS = "Select tests that use the drive fixture, or leave --drive-robust out."
-_WRITE_TESTS = "No test was found: name the folder of a suite, or write one with `drive-robust init`."
+SELECT_TESTS = "Select tests that use the drive fixture, or leave --drive-robust out."
+WRITE_TESTS = "No test was found: name the folder of a suite, or write one with `drive-robust init`."
+MEND_TESTS = "Its tests could not be collected: see the errors above."
 
 T = TypeVar("T")
 
@@ -83,17 +84,17 @@ class RunOutputs:
         """Keep what every report shall say."""
         self._notes.append(sentence)
 
-    def finish(self, *, whole: bool = False, ended_early: bool = False, found_tests: bool = True) -> bool:
+    def finish(self, *, whole: bool = False, ended_early: bool = False, advice: str = SELECT_TESTS) -> bool:
         """Build the result and write the files. True when the run must not be green for a reason of its own.
 
-        `whole` says that every test was selected and ran, `ended_early` that tests were left, `found_tests` that there
-        were any.
+        `whole` says that every test was selected and ran, `ended_early` that tests were left, `advice` what to do where
+        no episode was driven.
         """
         run = self._run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
             return True
         if not run.episodes:
-            self._problems.append(_NOTHING_DRIVEN + (_SELECT_TESTS if found_tests else _WRITE_TESTS))
+            self._problems.append(_NOTHING_DRIVEN + advice)
         red = self._attempt(
             "the run was not stored or compared",
             lambda: self._checks.finish(run, whole=whole, ended_early=ended_early),

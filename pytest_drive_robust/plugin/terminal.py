@@ -35,7 +35,7 @@ def uncaptured_screen(reporter: Any, capture: Any, writer: Any) -> Iterator[Text
 
 def columns_of_screen(reporter: pytest.TerminalReporter) -> int:
     """Return how many columns a report may have: those of the terminal; what goes into a file has those of a page."""
-    return shutil.get_terminal_size((WIDTH, 24)).columns if reporter.isatty else WIDTH
+    return shutil.get_terminal_size((WIDTH, 24)).columns if _is_terminal(reporter) else WIDTH
 
 
 def progress_for(config: pytest.Config) -> Progress:
@@ -48,5 +48,10 @@ def progress_for(config: pytest.Config) -> Progress:
         return Progress()
     capture = config.pluginmanager.get_plugin("capturemanager")
     screen = partial(uncaptured_screen, reporter, capture, config.get_terminal_writer())
-    draws = reporter.isatty and os.environ.get("TERM") not in _DUMB
+    draws = _is_terminal(reporter) and os.environ.get("TERM") not in _DUMB
     return LiveProgress(screen) if draws else PlainProgress(screen)
+
+
+def _is_terminal(reporter: Any) -> bool:
+    """Return False where it does not say: another plugin may have put its own reporter in the place of pytest's."""
+    return bool(getattr(reporter, "isatty", False))

@@ -40,24 +40,27 @@ DEFAULT_LIMIT = 0.30
 """The RD that a margin allows when its sentence does not say."""
 
 
-def requirements(text: str | Path, *, known: Known | None = None) -> list[Requirement]:
+def requirements(text: str | Path, *more: str, known: Known | None = None) -> list[Requirement]:
     """Return the requirements of a text or a file, one a line, in order; blank lines and `#` comments are skipped.
+
+    Sentences may be given one by one, too: `requirements("DS under clean >= 60", "RD under 200 ms latency <= 0.30")`.
 
     `known` are the perturbations that sentences may use, every registered one by default. Raises one
     `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
     expected and the nearest valid sentence; lines that say the same twice; a text without any requirement. What is
     neither text nor a path is refused so, too.
     """
-    if not isinstance(text, (str, Path)):
-        raise RequirementError(
-            f"requirements() was given a {type(text).__name__}. Expected a text with one sentence a line, as in "
-            f"requirements('{_EXAMPLE}'), or a file, as in requirements(Path('limits.txt'))."
-        )
+    for given in (text, *more):
+        if not isinstance(given, str if more else (str, Path)):
+            raise RequirementError(
+                f"requirements() was given a {type(given).__name__}. Expected a text with one sentence a line, as in "
+                f"requirements('{_EXAMPLE}'), several such texts, or a file, as in requirements(Path('limits.txt'))."
+            )
     from_registry = known is None
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
-    path, text = (text, _read(text)) if isinstance(text, Path) else (None, text)
+    path, text = (text, _read(text)) if isinstance(text, Path) else (None, "\n".join((text, *more)))
     for number, line in enumerate(text.splitlines(), 1):
         sentence = split_outside_quotes(line, "#")[0].strip()
         if not sentence:

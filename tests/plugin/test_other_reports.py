@@ -101,3 +101,34 @@ def test_allure_gets_the_plots_and_the_film(files):
     film = found["film of 3001"].read_bytes()
     assert film[4:8] == b"ftyp" or film.startswith(b"\x89PNG")
     assert "first divergence at" in found["replay"].read_text()
+
+
+REPORTER = """
+import pytest
+
+class Brief:
+    \"\"\"As little as reporters of other plugins have.\"\"\"
+    hasmarkup, stats = False, {}  # what pytest itself reads of it
+    def section(self, title, sep="=", **kw): print("==", title)
+    def write_line(self, line, **kw): print(line)
+    def ensure_newline(self): pass
+    @pytest.hookimpl(wrapper=True)
+    def pytest_sessionfinish(self):
+        yield
+        self.config.hook.pytest_terminal_summary(terminalreporter=self, exitstatus=0, config=self.config)
+
+@pytest.hookimpl(trylast=True)
+def pytest_configure(config):
+    config.pluginmanager.unregister(name="terminalreporter")
+    brief = Brief()
+    brief.config = config
+    config.pluginmanager.register(brief, "terminalreporter")
+"""
+
+
+def test_the_table_is_shown_by_another_reporter(files):
+    (files / "conftest.py").write_text(REPORTER)
+    done = run(files, "-s")
+    assert "Error" not in done.stdout + done.stderr
+    assert "== drive-robust\n" in done.stdout
+    assert "GPS noise 15 m" in done.stdout

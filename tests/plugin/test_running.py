@@ -372,6 +372,12 @@ def test_where_there_is_no_test_the_next_step_is_to_write_one(suite, tmp_path):
     result.stdout.fnmatch_lines(["NOT GREEN: * No test was found: name the folder of a suite, or *drive-robust init*"])
 
 
+def test_where_tests_could_not_be_collected_the_next_step_is_to_mend_them(suite):
+    result = run(suite(test="import no_such_module\n"))
+    assert result.ret == 2
+    result.stdout.fnmatch_lines(["NOT GREEN: * Its tests could not be collected: see the errors above."])
+
+
 def test_where_tests_were_left_out_the_next_step_is_to_select_some(suite):
     result = run(suite("DS under clean >= 90"), "-k", "nothing_of_that_name")
     assert result.ret == 5

@@ -84,6 +84,13 @@ def test_a_text_is_parsed_line_by_line_without_comments_and_blank_lines() -> Non
     assert [str(one) for one in requirements(text)] == ["DS under clean >= 60", "RD under 200 ms latency <= 0.30"]
 
 
+def test_sentences_may_be_given_one_by_one() -> None:
+    given = ("DS under clean >= 60", "RD under 200 ms latency <= 0.30\nSR under clean >= 0.5")
+    assert requirements(*given) == requirements("\n".join(given))
+    with pytest.raises(RequirementError, match=r"line 2: RD over clean"):
+        requirements("DS under clean >= 60", "RD over clean <= 0.3")
+
+
 @pytest.mark.parametrize("text", ["", "\n \n", "# nothing yet"])
 def test_a_text_without_a_requirement_is_refused(text: str) -> None:
     with pytest.raises(RequirementError, match=r"holds no requirement\. Expected lines such as 'RD under"):
@@ -100,6 +107,16 @@ def test_what_is_neither_text_nor_a_path_is_refused_with_its_type(given) -> None
     message = rf"was given a {type(given).__name__}\. Expected a text with one sentence a line, .* or a file, .*Path\("
     with pytest.raises(RequirementError, match=message):
         requirements(given)
+    with pytest.raises(RequirementError, match=message):
+        requirements("DS under clean >= 50", given)
+
+
+def test_a_file_stands_alone(tmp_path: Path) -> None:
+    (tmp_path / "limits.txt").write_text("DS under clean >= 60\n")
+    texts = ("DS under clean >= 50", tmp_path / "limits.txt")
+    for order in (texts, texts[::-1]):
+        with pytest.raises(RequirementError, match=r"was given a \w*Path\. Expected .* several such texts, or a file"):
+            requirements(*order)
 
 
 def test_a_text_that_is_the_name_of_a_file_is_refused_with_the_way_to_read_it(tmp_path, monkeypatch) -> None:
