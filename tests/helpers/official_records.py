@@ -51,6 +51,7 @@ def record(
     share: float | None = None,
     ratios: Sequence[object] = (80.0, 120.5),
     game_s: float = 42.0,
+    wall_s: float = 300.25,
     **events: int,
 ) -> dict[str, Any]:
     """Make a record; `share` is the exact percentage outside of the lanes, which the sentence rounds."""
@@ -78,7 +79,7 @@ def record(
             "score_penalty": round(factor, 6),
             "score_composed": round(completion * factor, 6),
         },
-        "meta": {"route_length": 120.5, "duration_game": game_s, "duration_system": 300.25},
+        "meta": {"route_length": 120.5, "duration_game": game_s, "duration_system": wall_s},
     }
 
 

@@ -35,6 +35,7 @@ def write_results(
     planned: int | None = None,
 ) -> None:
     """Official records of routes that were driven so far [%] without any infraction; `planned` are all that were."""
+    wall_s = 300.0 + len(path.stem) / 1000  # no two drives take as long to the millisecond
     records = [
         {
             "index": number,
@@ -47,7 +48,7 @@ def write_results(
             "num_infractions": 0,
             "infractions": {name: [] for name in LISTS},
             "scores": {"score_route": completion, "score_penalty": 1.0, "score_composed": completion},
-            "meta": {"route_length": 120.5, "duration_game": 42.0, "duration_system": 300.25},
+            "meta": {"route_length": 120.5, "duration_game": 42.0, "duration_system": wall_s},
         }
         for repetition, completions in enumerate(repetitions)
         for number, (route, completion) in enumerate(completions.items())
@@ -129,8 +130,9 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
 
 
 def test_what_only_a_map_tells_is_stated_as_bounds(results, pytester):
-    write_results(pytester.path / "late.json", {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, scenario="T_Junction")
-    results("clean=late.json,200 ms latency=late.json", "--drive-json", "run.json")
+    for name in ("clean.json", "late.json"):
+        write_results(pytester.path / name, {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, scenario="T_Junction")
+    results(BOTH, "--drive-json", "run.json")
     document = json.loads((pytester.path / "run.json").read_text())
     summary = document["summaries"][0]["summary"]
     assert summary["abilities"]["Traffic_Signs"] is None
@@ -154,6 +156,12 @@ def test_some_routes_can_be_judged_by_their_ids(results):
     result.stdout.fnmatch_lines(["RD under 200 ms latency = 0.20, limit <= 0.10*2 routes x 1 seed*"])
 
 
+def test_one_drive_does_not_stand_for_two_settings(results, pytester):
+    result = results("clean=clean.json,200 ms latency=clean.json")
+    assert result.ret == 4
+    assert "'clean' in 'clean.json' and '200 ms latency' in 'clean.json' have the same drive of" in result.stderr.str()
+
+
 def test_what_the_results_lack_is_named_at_once(results):
     result = results("clean=clean.json")
     assert result.ret == 4
@@ -168,14 +176,15 @@ def test_a_folder_that_is_not_there_is_named_at_once(results):
 
 @pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["alone", "xdist"])
 def test_an_evaluation_that_has_not_ended_is_no_pass(results, pytester, workers):
-    write_results(pytester.path / "clean.json", {"1": 100.0, "2": 100.0}, planned=220)
-    result = results("clean=clean.json,200 ms latency=clean.json", *workers)
+    for name in ("clean.json", "late.json"):
+        write_results(pytester.path / name, {"1": 100.0, "2": 100.0}, planned=220)
+    result = results(BOTH, *workers)
     assert result.ret == 4
     text = result.stdout.str() + result.stderr.str()
     assert "--drive-results names an evaluation that has not ended:" in text
     assert "the results of 'clean': 'clean.json' holds 2 of 220 episodes" in text
     assert "Finish the evaluation, or name the routes to judge, with --drive-routes FILE.xml or id,id." in text
-    named = results("clean=clean.json,200 ms latency=clean.json", "--drive-routes", "1,2")
+    named = results(BOTH, "--drive-routes", "1,2")
     named.assert_outcomes(passed=3)
 
 
@@ -185,7 +194,7 @@ def test_an_evaluation_of_ours_that_has_not_ended_is_no_pass(results, pytester, 
     for route in ("1", "2"):  # a file of each route, as our evaluator leaves them
         write_results(folder / f"{route}.json", {route: 100.0})
     (folder / "drive_robust.planned").write_text(planned)
-    result = results("clean=official,200 ms latency=official")
+    result = results("clean=official,200 ms latency=late.json")
     assert result.ret == 4
     text = result.stdout.str() + result.stderr.str()
     told = "'official/drive_robust.planned' is damaged" if planned == "{}" else "holds 2 of 3 episodes, without 3"
@@ -197,7 +206,8 @@ def test_results_that_do_not_say_how_many_were_planned_are_told(results, pyteste
     merged = json.loads((pytester.path / "merged.json").read_text())
     del merged["_checkpoint"]["progress"]
     (pytester.path / "merged.json").write_text(json.dumps(merged))
-    both = "clean=merged.json,200 ms latency=merged.json"
+    write_results(pytester.path / "slow.json", {"1": 100.0, "2": 100.0})
+    both = "clean=merged.json,200 ms latency=slow.json"
     result = results(both)
     result.assert_outcomes(passed=3)
     told = "drive-robust: the results of 'clean' in 'merged.json' do not say how many routes were planned; those of 2 *"
@@ -216,7 +226,7 @@ def test_a_part_of_an_evaluation_that_is_empty_is_none_that_ended(results, pytes
     folder = pytester.mkdir("parts")
     write_results(folder / "eval_0.json", {"1": 100.0, "2": 100.0})
     (folder / "eval_1.json").touch()
-    result = results("clean=parts,200 ms latency=parts")
+    result = results("clean=parts,200 ms latency=late.json")
     assert result.ret == 4
     result.stderr.fnmatch_lines(["*eval_1.json' is empty: its evaluator ended before the first route"])
 

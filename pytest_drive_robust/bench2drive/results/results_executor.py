@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass
+from itertools import combinations
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
@@ -162,7 +163,10 @@ class ResultsExecutor(Executor):
         Raises `UsageError`.
         """
         named = parse_results(text, known, reading)
-        return cls([ResultsSource.read(setting, (start or Path()) / path) for setting, path in named.items()])
+        sources = [ResultsSource.read(setting, (start or Path()) / path) for setting, path in named.items()]
+        failing = {name for name in named if (setting := Setting.parse(name, known)).baseline != setting}
+        _require_own_drives(sources, failing)
+        return cls(sources)
 
     @property
     def routes(self) -> tuple[Route, ...]:
@@ -266,6 +270,30 @@ class ResultsExecutor(Executor):
     def _unknown(self, setting: str) -> UsageError:
         hint = f'Name them with --drive-results "...,{setting}=FOLDER".'
         return UnknownNameError.of("result set of the setting", setting, self._sources, hint=hint)
+
+
+def _require_own_drives(sources: Sequence[ResultsSource], failing: Collection[str]) -> None:
+    """Raise `UsageError` where one drive stands for two settings of which one is in `failing`: it would lose nothing.
+
+    An export of ours tells its own setting, and an agent that broke at once was not timed.
+    """
+    for one, other in combinations(sources, 2):
+        if not {one.setting, other.setting} & set(failing):
+            continue  # one clean drive may be what several settings are compared with
+        for key in one.records.keys() & other.records.keys():
+            again = {_drive_of(record) for record in other.records[key]}
+            for record in one.records[key]:
+                if record.own is None and record.wall_s and _drive_of(record) in again:
+                    raise UsageError(
+                        f"--drive-results: {one.setting!r} in {str(one.path)!r} and {other.setting!r} in "
+                        f"{str(other.path)!r} have the same drive of route {record.route}, with the same time of the "
+                        "day and the same duration. Give each setting the results of its own drives."
+                    )
+
+
+def _drive_of(record: OfficialRecord) -> tuple[object, ...]:
+    """Return what two drives do not share, even with one outcome: seconds of wall time come with three decimals."""
+    return record.save_name, record.status, record.score, record.game_s, record.wall_s
 
 
 def _route(record: OfficialRecord) -> Route:

@@ -66,7 +66,7 @@ def test_what_does_not_name_results_is_refused(text: str, error: type[UsageError
 
 def test_degradation_of_results_from_elsewhere(tmp_path: Path) -> None:
     clean = write(tmp_path / "clean" / "a.json", document(record("1"), record("2"), record("3", red_light=1)))
-    late = [record("1", collisions_vehicle=1), record("2", share=12.3456), record("3", red_light=1)]
+    late = [record("1", collisions_vehicle=1), record("2", share=12.3456), record("3", red_light=1, wall_s=301.0)]
     late_folder = write(tmp_path / "late" / "a.json", document(*late)).parent
     executor = ResultsExecutor.read(f"clean={clean},latency 200 ms={late_folder}")
     tasks = tasks_of(executor, "200 ms latency", clean=True)
@@ -183,7 +183,7 @@ def test_repetitions_are_seeds(tmp_path: Path) -> None:
 
 def test_everything_that_is_missing_is_told_at_once(tmp_path: Path) -> None:
     clean = write(tmp_path / "c.json", document(*(record(str(n)) for n in range(1, 15))))
-    late = write(tmp_path / "l.json", document(record("1"), record("2"), record("2")))
+    late = write(tmp_path / "l.json", document(*(record(route, wall_s=301.0) for route in ("1", "2", "2"))))
     executor = ResultsExecutor.read(f"clean={clean},200 ms latency={late}")
     tasks = (*tasks_of(executor, "200 ms latency"), *tasks_of(executor, "400 ms latency"))
     with pytest.raises(UsageError) as caught:
@@ -196,6 +196,19 @@ def test_everything_that_is_missing_is_told_at_once(tmp_path: Path) -> None:
     assert "no result set of the setting named '400 ms latency'" in text
     with pytest.raises(UsageError, match="400 ms latency"):
         executor.submit(tasks[-1]).result(timeout=0)
+
+
+def test_a_record_that_was_copied_into_the_results_of_another_setting_is_noticed(tmp_path: Path) -> None:
+    clean = write(tmp_path / "clean.json", document(record("1"), record("2")))
+    late = write(tmp_path / "late.json", document(record("1", wall_s=299.5), record("2")))
+    with pytest.raises(UsageError, match=r"'clean' .* and '200 ms latency' .* have the same drive of route 2,"):
+        ResultsExecutor.read(f"clean={clean},200 ms latency={late}")
+
+
+def test_an_agent_that_broke_before_anything_was_timed_has_no_drive_in_common(tmp_path: Path) -> None:
+    broken = record("1", status="Failed - Agent couldn't be set up", completion=0.0, game_s=0.0, wall_s=0.0)
+    clean, late = (write(tmp_path / name, document(broken)) for name in ("clean.json", "late.json"))
+    ResultsExecutor.read(f"clean={clean},200 ms latency={late}").check(())
 
 
 def test_another_route_of_the_same_id_is_noticed(tmp_path: Path) -> None:
