@@ -9,6 +9,7 @@ from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_baselines, references_of
 from pytest_drive_robust.cli.tables import columns_of_screen
 from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import one_of, writable_file
 from pytest_drive_robust.regression.allowance import parse_allowances
@@ -61,6 +62,10 @@ def _compare(options: argparse.Namespace) -> int:
     references = references_of(options)
     after = references.load(options.after)
     before = references.load(options.before, simulator=after.simulator)
+    if before.label == after.label:
+        raise UsageError(
+            f"A and B are both {after.label!r}, and no run is worse than itself. `drive-robust runs list` shows all runs."
+        )
     comparison = compare(before, after, terms)
     print(comparison_text(comparison, colour=sys.stdout.isatty(), width=columns_of_screen()))
     if path is not None:

@@ -122,9 +122,10 @@ def test_a_run_that_stopped_at_its_verdicts_says_nothing_about_two_runs(
 
 def test_runs_are_found_from_a_folder_below(monkeypatch: pytest.MonkeyPatch) -> None:
     store_run("a")
+    store_run("b")
     Path("deep/er").mkdir(parents=True)
     monkeypatch.chdir("deep/er")
-    assert main(["compare", "a", "a"]) == 0
+    assert main(["compare", "a", "b"]) == 0
 
 
 @pytest.mark.parametrize(
@@ -136,6 +137,8 @@ def test_runs_are_found_from_a_folder_below(monkeypatch: pytest.MonkeyPatch) -> 
         (["before", "old.json"], "has schema 99"),
         (["before", "torn.json"], "is damaged"),
         (["baseline", "before"], "no baseline was blessed yet"),
+        (["before", "before"], "A and B are both 'before', and no run is worse than itself"),
+        (["before", "latest"], "A and B are both 'before'"),
         (["before", "before", "--fail-on", "ds"], "--fail-on is 'ds'"),
         (["before", "before", "--verdict", "evidnce"], "Did you mean 'evidence'"),
         (["before", "before", "--on-mismatch", "wrn"], "Did you mean 'warn'"),
@@ -161,7 +164,7 @@ def test_it_works_as_a_program(home: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     command = [sys.executable, "-m", "pytest_drive_robust.cli", "compare"]
     codes = {
-        ("a", "a"): 0,
+        ("b", "a"): 0,
         ("a", "b"): 1,
         ("a", "nothing"): 4,
     }
