@@ -64,7 +64,7 @@ def _compare(options: argparse.Namespace) -> int:
     before = references.load(options.before, simulator=after.simulator)
     if before.label == after.label:
         raise UsageError(
-            f"A and B are both {after.label!r}, and no run is worse than itself. `drive-robust runs list` shows all runs."
+            f"A and B are both {after.label!r}, and no run is worse than itself. `drive-robust runs list` shows all."
         )
     comparison = compare(before, after, terms)
     print(comparison_text(comparison, colour=sys.stdout.isatty(), width=columns_of_screen()))

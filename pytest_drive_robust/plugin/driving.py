@@ -7,11 +7,12 @@ from enum import Enum
 
 import pytest
 
-from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME
+from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, BrokenRequirementError, NotJudgedError, is_open
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
+from pytest_drive_robust.verdict.requirement import Requirement
 
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
@@ -45,10 +46,12 @@ class DrivingPlugin:
         report = yield
         error = _error_of(item, call)
         report.user_properties = [(name, _plain(value)) for name, value in report.user_properties]
-        if isinstance(error, NotJudgedError) and hasattr(report, "wasxfail"):
-            del report.wasxfail
+        if error is None and report.when == "call" and report.passed:
+            error = _forgotten(item)
+        if isinstance(error, NotJudgedError) and (report.passed or hasattr(report, "wasxfail")):
+            vars(report).pop("wasxfail", None)
             report.outcome = "failed"
-            if call.excinfo is not None and call.excinfo.value is not error:
+            if call.excinfo is None or call.excinfo.value is not error:
                 report.longrepr = str(error)
         elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
             report.outcome, report.longrepr = "passed", None
@@ -88,6 +91,18 @@ def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException |
     if getattr(getattr(item, "obj", None), "__unittest_expecting_failure__", False) and call.when == "call":
         return item.stash.get(NOT_JUDGED_ERROR, None)
     return call.excinfo.value if call.excinfo is not None else None
+
+
+def _forgotten(item: pytest.Item) -> NotJudgedError | None:
+    """Return what to say of a test that has a requirement as its parameter and asked `drive` for nothing: no pass."""
+    drive, callspec = getattr(item, "funcargs", {}).get("drive"), getattr(item, "callspec", None)
+    if not isinstance(drive, Drive) or drive.was_asked or callspec is None:
+        return None
+    given = next((value for value in callspec.params.values() if isinstance(value, Requirement)), None)
+    if given is None:
+        return None
+    advice = "the test ended without it. Call drive.check(requirement), or skip the test."
+    return NotJudgedError(legible(f"ERROR: not judged: {given}\n{advice}"), pytrace=False)
 
 
 def _plain(value: object) -> object:

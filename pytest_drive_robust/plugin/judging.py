@@ -60,6 +60,12 @@ class Drive:
         self._scope = context.scopes.of(marker)
         self._verdict_rule = replace(marker.verdict_rule(context.options.verdict_rule), family=context.family)
         self._reading = marker.asked_reading(context.options.asked_reading)
+        self._was_asked = False
+
+    @property
+    def was_asked(self) -> bool:
+        """True once the test asked for a verdict, a number or an episode."""
+        return self._was_asked
 
     @property
     def agent(self) -> str:
@@ -189,6 +195,7 @@ class Drive:
     @contextmanager
     def _errors_of(self, what: str) -> Iterator[None]:
         __tracebackhide__ = True
+        self._was_asked = True
         try:
             with ONE_AT_A_TIME:
                 yield

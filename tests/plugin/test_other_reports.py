@@ -27,7 +27,7 @@ from pytest_drive_robust import requirements
 
 @pytest.mark.parametrize("requirement", requirements("DS under clean >= 1"))
 def test_ten(drive, requirement):
-    pass
+    drive.check(requirement)
 
 @pytest.mark.parametrize("requirement", requirements("""{LIMITS}"""))
 def test_it(drive, requirement):

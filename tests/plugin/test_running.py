@@ -364,6 +364,51 @@ def test_a_run_that_drove_nothing_is_not_green(suite, test, workers):
     result.stdout.fnmatch_lines(["NOT GREEN: --drive-robust was given but no episode was driven*"])
 
 
+FORGETFUL = """
+import pytest
+from pytest_drive_robust import requirements
+
+each = pytest.mark.parametrize("requirement", requirements("DS under clean >= 90"))
+
+@each
+def test_forgot(drive, requirement):
+    assert drive.agent
+
+@pytest.mark.xfail
+@each
+def test_forgot_what_was_expected_to_fail(drive, requirement):
+    pass
+
+@each
+def test_measured(drive, requirement):
+    assert drive.ds(requirement.setting) >= requirement.limit
+
+@each
+def test_skipped(drive, requirement):
+    pytest.skip("not today")
+
+@each
+def test_only_reads(requirement):
+    assert requirement.limit == 90
+
+def test_without(drive):
+    assert drive.routes
+"""
+
+
+@processes
+def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
+    result = run(suite(test=FORGETFUL), *workers)
+    assert result.ret == 1
+    result.assert_outcomes(passed=3, skipped=1, errors=2)
+    result.stdout.fnmatch_lines(
+        [
+            "ERROR: not judged: DS under clean >= 90",
+            "the test ended without it. Call drive.check(requirement), or skip the test.",
+        ]
+    )
+
+
 def test_where_there_is_no_test_the_next_step_is_to_write_one(suite, tmp_path):
     empty = tmp_path / "empty"
     empty.mkdir()
