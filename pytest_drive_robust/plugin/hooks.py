@@ -65,6 +65,22 @@ def pytest_plugin_registered(plugin: object, manager: pytest.PytestPluginManager
             raise
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_load_initial_conftests(parser: pytest.Parser, args: list[str]) -> Generator[None, object, object]:
+    """Name the option that was meant by one that begins as ours do and is none; a conftest may have added it."""
+    result = yield
+    if any(word.startswith("--drive") and word.partition("=")[0] not in OPTIONS for word in args):
+        from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_options
+        from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
+
+        try:
+            refuse_unknown_options(parser, args)
+        except Exception as error:
+            raise_as_pytests(error)
+            raise
+    return result
+
+
 @pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
     """Register names and, with `--drive-robust`, what drives and reports."""

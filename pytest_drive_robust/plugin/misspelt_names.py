@@ -1,8 +1,8 @@
-"""Names that pytest itself lets pass, and that would have another agent judged: ini keys, marks and our hook."""
+"""Names that pytest lets pass, and that would have another agent judged: ini keys, marks and our hook. And options."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
 
 import pytest
@@ -14,6 +14,15 @@ _MARK = "drive_robust"
 _HOOK = "pytest_drive_robust_register"
 _CLOSE = 0.8
 """So alike is a mark that is meant as ours: a suite may have marks such as `robust` of its own."""
+
+
+def refuse_unknown_options(parser: pytest.Parser, args: Sequence[str]) -> None:
+    """Raise `UsageError` for an option that begins as ours do and that nobody added: pytest names no other."""
+    _, unknown = parser.parse_known_and_unknown_args(args)
+    for word in unknown:
+        flag = word.partition("=")[0]
+        if flag.startswith("--drive"):
+            raise UnknownNameError.of("option", flag, OPTIONS, hint="`pytest --help` tells what each does.")
 
 
 def refuse_unknown_keys(config: pytest.Config) -> None:

@@ -118,6 +118,28 @@ def pytest_addoption(parser):
     assert folder.runpytest_inprocess("--drive-robust").ret == 0
 
 
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("--drive-agnt=steady", "--drive-agent"),
+        ("--drive-robst", "--drive-robust"),
+        ("--drive_verdict=list", "--drive-verdict"),
+    ],
+)
+@processes
+def test_a_misspelt_option_is_refused_with_the_nearest_one(suite, driven, given, meant, workers):
+    output = refused(suite(GREEN), given, *workers)
+    assert f"there is no option named '{given.partition('=')[0]}'. Did you mean '{meant}'?" in output
+    assert driven() == []
+
+
+def test_an_option_of_a_conftest_may_begin_as_ours(suite, pytester):
+    made, conftest = suite(GREEN), pytester.path / "conftest.py"
+    with conftest.open("a") as file:
+        file.write("\ndef pytest_addoption(parser):\n    parser.addoption('--drive-mine')\n")
+    assert made.runpytest_inprocess("--drive-robust", "--drive-mine=3").ret == 0
+
+
 @pytest.mark.parametrize("name", ["drive_robst", "driverobust"])
 @processes
 def test_a_misspelt_marker_is_refused_and_a_registered_one_is_its_own(suite, driven, name, workers):
