@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import os
+import re
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NoReturn
 
 from pytest_drive_robust import __version__
-from pytest_drive_robust.errors import DriveRobustError
+from pytest_drive_robust.errors import DriveRobustError, did_you_mean
 from pytest_drive_robust.registry.plugins import register_names_of
 from pytest_drive_robust.registry.registry import default_registry
 
@@ -36,6 +37,7 @@ COMMANDS = {
 the default `command`: a function of the parsed arguments that returns the exit code. Where one line tells too
 little, it sets `parser.description`, too."""
 
+_NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*?)' \(choose from (?P<known>.*)\)")
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
 _CUT_OFF = 1  # as rich has it, which prints the tables
 _INTERRUPTED = 130  # a shell's, as 2 is a command line that does not parse
@@ -69,7 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser("drive-robust", description="Closed-loop robustness of driving policies.")
+    parser = _Parser("drive-robust", description="Closed-loop robustness of driving policies.")
     parser.add_argument(
         "-p",
         dest="plugins",
@@ -87,7 +89,18 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-class _CommandParser(argparse.ArgumentParser):
+class _Parser(argparse.ArgumentParser):
+    """Names the nearest word where one was typed that is not among those to choose from."""
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with exit code 2, after the usage and the message."""
+        chosen = _NO_CHOICE.search(message)
+        super().error(
+            message + (did_you_mean(chosen["given"], re.findall(r"[\w-]+", chosen["known"])) if chosen else "")
+        )
+
+
+class _CommandParser(_Parser):
     """The parser of one command. The command's module is imported when the command was given, and no other."""
 
     module = ""
@@ -102,10 +115,17 @@ class _CommandParser(argparse.ArgumentParser):
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
-        if self._intermixed or self.get_default("command") is None:  # the latter has commands of its own
+        if self._intermixed:
             return super().parse_known_args(*arguments, **options)
-        self._intermixed = True
-        try:
-            return self.parse_known_intermixed_args(*arguments, **options)
-        finally:
-            self._intermixed = False
+        if self.get_default("command") is None:  # it has commands of its own
+            parsed, unknown = super().parse_known_args(*arguments, **options)
+        else:
+            self._intermixed = True
+            try:
+                parsed, unknown = self.parse_known_intermixed_args(*arguments, **options)
+            finally:
+                self._intermixed = False
+        if unknown:
+            meant = did_you_mean(unknown[0].partition("=")[0], self._option_string_actions)
+            self.error(f"unrecognized arguments: {' '.join(unknown)}.{meant}")
+        return parsed, unknown

@@ -139,6 +139,25 @@ def test_words_that_may_be_left_out_stand_behind_options_too(
     assert told in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["chek-agent", "blind"], "Did you mean 'check-agent'?"),
+        (["routes", "lst"], "Did you mean 'list'?"),
+        (["routes", "list", "--smi", "embedded"], "routes list: error: unrecognized arguments: --smi."),
+        (["replay", "601", "--agnt=blind"], "Did you mean '--agent'?"),
+        (["replay", "601", "602"], "replay: error: unrecognized arguments: 602.\n"),
+    ],
+)
+def test_a_word_that_does_not_parse_is_answered_with_the_nearest_one(
+    arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(arguments)
+    assert left.value.code == 2
+    assert told in capsys.readouterr().err
+
+
 def test_only_the_module_of_the_command_is_imported() -> None:
     program = (
         "import sys\n"
