@@ -13,14 +13,19 @@ The same command gives the same tables, whatever the number of workers. Episodes
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 import uuid
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from math import fsum
 from pathlib import Path
+from typing import Any
 
+import matplotlib as mpl
+from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -172,26 +177,57 @@ def by_route(scores: Iterable[Score]) -> tuple[list[float], list[float]]:
     )
 
 
-def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> Report:
-    """Report successes and driving score of every agent on every scenario type, with totals and their intervals."""
-    columns = ["scenario"]
-    for agent in agents:
-        columns += [agent, "DS"]
-    rows = []
+def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> tuple[Report, Report]:
+    """Report routes passed and driving score of every agent on every scenario type, with totals and their intervals."""
+    columns = ("scenario", *(agent.replace(":speed=", " ") for agent in agents))
+    passed, driven = [], []
     for scenario in sorted({score.scenario for score in scores}):
-        row = [scenario]
-        for agent in agents:
-            mine = [score for score in scores if (score.scenario, score.agent) == (scenario, agent)]
-            row += [f"{sum(score.success for score in mine)}/{len(mine)}", f"{_mean(by_route(mine)[1]):.1f}"]
-        rows.append(tuple(row))
-    everywhere, interval = ["all routes [%]"], ["95 % interval"]
-    for agent in agents:
-        successes, driven = by_route(score for score in scores if score.agent == agent)
-        low, high = share_interval(successes)
-        low_ds, high_ds = mean_interval(driven, bounds=(0.0, 100.0))
-        everywhere += [f"{100 * _mean(successes):.1f}", f"{_mean(driven):.1f}"]
-        interval += [f"{100 * low:.0f}..{100 * high:.0f}", f"{low_ds:.0f}..{high_ds:.0f}"]
-    return Report("Calibration", notes, tuple(columns), tuple(rows), (tuple(everywhere), tuple(interval)))
+        of_agent = [[s for s in scores if (s.scenario, s.agent) == (scenario, agent)] for agent in agents]
+        passed.append((scenario, *(f"{sum(score.success for score in mine)}/{len(mine)}" for mine in of_agent)))
+        driven.append((scenario, *(f"{_mean(by_route(mine)[1]):.1f}" for mine in of_agent)))
+    everywhere = [by_route(score for score in scores if score.agent == agent) for agent in agents]
+    shares = [share_interval(successes) for successes, _ in everywhere]
+    means = [mean_interval(points, bounds=(0.0, 100.0)) for _, points in everywhere]
+    return (
+        Report(
+            "Routes passed", f"{notes} Of the routes of each type, and in all, with Wilson's intervals.",
+            columns, tuple(passed),
+            (
+                ("all [%]", *(f"{100 * _mean(successes):.1f}" for successes, _ in everywhere)),
+                ("95 % interval", *(f"{100 * low:.0f}..{100 * high:.0f}" for low, high in shares)),
+            ),
+        ),
+        Report(
+            "Driving score", f"{notes} Means of the routes of each type, and of all, with Student's intervals.",
+            columns, tuple(driven),
+            (
+                ("all", *(f"{_mean(points):.1f}" for _, points in everywhere)),
+                ("95 % interval", *(f"{low:.0f}..{high:.0f}" for low, high in means)),
+            ),
+        ),
+    )  # fmt: skip
+
+
+def drawn(passed: Report) -> str:
+    """Draw how many routes of each type every agent passes, as the text of an SVG; the same report gives the same."""
+    style: dict[Any, Any] = {"font.size": 9, "svg.hashsalt": "drive-robust", "text.color": "#222222"}
+    with mpl.rc_context(style):
+        figure = Figure(figsize=(8.6, 0.5 + 0.21 * len(passed.rows)), layout="constrained")
+        axes = figure.subplots()
+        shares = [[float(Fraction(cell)) for cell in row[1:]] for row in passed.rows]
+        axes.imshow(shares, cmap="YlGn", vmin=0.0, vmax=1.0, aspect="auto")
+        for y, row in enumerate(passed.rows):
+            for x, cell in enumerate(row[1:]):
+                colour = "white" if shares[y][x] > 0.7 else "#222222"
+                axes.text(x, y, cell.partition("/")[0], ha="center", va="center", color=colour)
+        totals = [f"{name}\n{share} %" for name, share in zip(passed.columns[1:], passed.totals[0][1:], strict=True)]
+        axes.set_xticks(range(len(totals)), totals)
+        axes.set_yticks(range(len(passed.rows)), [row[0] for row in passed.rows])
+        axes.tick_params(length=0, top=True, labeltop=True, bottom=False, labelbottom=False)
+        axes.spines[:].set_visible(False)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", facecolor="white", metadata={"Date": None, "Creator": None})
+    return "\n".join(line.rstrip() for line in text.getvalue().splitlines()) + "\n"
 
 
 def sensitivity(scores: Sequence[Score], agent: str, notes: str) -> Report:
@@ -224,7 +260,9 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1, help="processes (default: all cores)")
     parser.add_argument("--stuck-stop", type=float, default=30.0, help="end an episode after standing so long (30 s)")
     parser.add_argument("--store", type=Path, default=Path(".drive-robust"), help="where episodes are kept")
-    parser.add_argument("--write", type=Path, metavar="FILE", help="put the table into this markdown file as well")
+    parser.add_argument(
+        "--write", type=Path, metavar="FILE", help="put the tables into this markdown file, a picture beside it"
+    )
     return parser.parse_args(argv)
 
 
@@ -244,15 +282,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     routes = resolve_routes(given.routes)
     scores = drive_all(given, agents, settings)
     notes = f"{len(routes)} routes (`--routes {given.routes}`), {given.seeds} seed(s)."
+    reports: tuple[Report, ...]
     if given.sensitivity:
         notes += " RD = 1 - DS / DS clean, Fieller's interval, paired by route."
-        report = sensitivity(scores, given.sensitivity, notes)
+        reports = (sensitivity(scores, given.sensitivity, notes),)
     else:
-        notes += " Successes of the routes of each type, and the driving score; Wilson's and Student's intervals."
-        report = calibration(scores, agents, notes)
-    report.print()
-    if given.write is not None:
-        write(report, given.write)
+        reports = calibration(scores, agents, notes)
+    for report in reports:
+        report.print()
+        if given.write is not None:
+            write(report, given.write)
+    if given.write is not None and not given.sensitivity:
+        write_whole(given.write.with_suffix(".svg"), drawn(reports[0]))
 
 
 if __name__ == "__main__":

@@ -48,3 +48,24 @@ def test_a_page_stays_whole_where_writing_fails(tmp_path: Path, monkeypatch: pyt
     with pytest.raises(OSError, match="no space left"):
         calibration.write(report("2.0"), page)
     assert page.read_text(encoding="utf-8") == before
+
+
+def score(agent: str, scenario: str, route: str, success: bool, points: float) -> calibration.Score:
+    return calibration.Score(agent, scenario, route, "clean", 0, success, points)
+
+
+def test_successes_and_scores_are_two_tables_and_a_picture() -> None:
+    scores = [
+        score("expert", "Accident", "1", True, 100.0),
+        score("expert", "Accident", "2", False, 60.0),
+        score("blind:speed=4", "Accident", "1", False, 20.0),
+        score("blind:speed=4", "Accident", "2", False, 30.0),
+    ]
+    passed, driven = calibration.calibration(scores, ["expert", "blind:speed=4"], "Two routes.")
+    assert passed.columns == driven.columns == ("scenario", "expert", "blind 4")
+    assert passed.rows == (("Accident", "1/2", "0/2"),)
+    assert driven.rows == (("Accident", "80.0", "25.0"),)
+    assert passed.totals[0] == ("all [%]", "50.0", "0.0")
+    assert driven.totals[0] == ("all", "80.0", "25.0")
+    assert calibration.drawn(passed) == calibration.drawn(passed)
+    assert calibration.drawn(passed).startswith("<?xml")
