@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -13,6 +14,9 @@ from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, BrokenRe
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.verdict.requirement import Requirement
+
+if TYPE_CHECKING:
+    from _pytest._code.code import TerminalRepr
 
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
@@ -52,7 +56,7 @@ class DrivingPlugin:
             vars(report).pop("wasxfail", None)
             report.outcome = "failed"
             if call.excinfo is None or call.excinfo.value is not error:
-                report.longrepr = str(error)
+                report.longrepr = _shown(item, error)
         elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
             report.outcome, report.longrepr = "passed", None
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
@@ -103,6 +107,18 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
         return None
     advice = "the test ended without it. Call drive.check(requirement), or skip the test."
     return NotJudgedError(legible(f"ERROR: not judged: {given}\n{advice}"), pytrace=False)
+
+
+def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:
+    """Return what pytest shows of an error that the test itself did not raise: it stands where the test begins."""
+    try:
+        raise error
+    except NotJudgedError:
+        shown = item.repr_failure(pytest.ExceptionInfo.from_current())
+    crash = getattr(shown, "reprcrash", None)
+    if crash is not None:
+        crash.path, crash.lineno = str(item.path), (item.location[1] or 0) + 1
+    return shown
 
 
 def _plain(value: object) -> object:

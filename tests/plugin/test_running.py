@@ -405,6 +405,7 @@ def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
         [
             "ERROR: not judged: DS under clean >= 90",
             "the test ended without it. Call drive.check(requirement), or skip the test.",
+            "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
         ]
     )
 
