@@ -54,11 +54,8 @@ class RegressionChecks:
             policy = self._regression.policy
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool, ended_early: bool = False) -> bool:
-        """Store, compare, review. True when the run must not be green.
-
-        `whole`: every test was selected and ran; `ended_early`: tests were left.
-        """
+    def finish(self, run: RunResult, *, whole: bool) -> bool:
+        """Store, compare, review. True when the run must not be green. `whole`: every test was selected and ran."""
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
@@ -67,7 +64,7 @@ class RegressionChecks:
             return red
         document = run_as_json(run)
         if self._regression.save:
-            red = self._store(document, complete=not ended_early and _is_complete(document)) or red
+            red = self._store(document, complete=_is_complete(document)) or red
         if self._before is not None:
             red = self._compare(self._before, document) or red
         return red

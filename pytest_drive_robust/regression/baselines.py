@@ -209,8 +209,8 @@ def bless(
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
-    of, that did without routes once its verdicts were in, or that holds no score, and, unless `replace_routes`, for
-    routes that are others than the blessed ones of the same id. Nothing is written then.
+    of, that ended before its tests, that did without routes once its verdicts were in, or that holds no score, and,
+    unless `replace_routes`, for routes that are others than the blessed ones of the same id. Nothing is written then.
     """
     _require_acceptable(run, signature, environ)
     prepared = []
@@ -284,6 +284,11 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         raise UsageError(
             f"{run.label} was driven until its verdicts were in, on {stopped[0]}{others}: later runs cannot be judged "
             "against that. Drive it with --drive-save, or with --drive-verdict=point."
+        )
+    if run.ended_early:
+        raise UsageError(
+            f"{run.label} is incomplete: it ended before all of its tests had. It cannot become a baseline: run its "
+            "command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")
