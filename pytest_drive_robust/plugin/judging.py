@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import pytest
 
@@ -26,9 +26,11 @@ from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
     INCONCLUSIVE,
     NOT_JUDGED_ERROR,
+    WAIVED,
     BrokenRequirementError,
     NotJudgedError,
 )
+from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
@@ -87,7 +89,7 @@ class Drive:
 
         Fails the test when the requirement does not hold, and makes it an error when it cannot be judged (an episode
         broke in the simulator, nothing to compare with). An inconclusive verdict warns, fails or skips, as
-        `--drive-inconclusive` says.
+        `--drive-inconclusive` says. After a requirement that is waived the test goes on, and is an xfail at its end.
 
         `verdict` (`"auto"`, `"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
@@ -222,13 +224,19 @@ class Drive:
             *((name, number) for name, number in numbers.items() if math.isfinite(number)),
         ]
 
-    def _fail(self, judgement: Judgement) -> NoReturn:
+    def _fail(self, judgement: Judgement) -> None:
+        """Raise, but for a requirement that is waived: what the test checks after it is not, and must be judged."""
         __tracebackhide__ = True
+        verdict = judgement.verdict
+        waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
+        if waiver is not None and self._context.waivers.holds(waiver):
+            self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
+            return
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
-        reach = self._reach(judgement.verdict.requirement)
-        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, judgement.verdict)
+        reach = self._reach(verdict.requirement)
+        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
@@ -236,6 +244,7 @@ class Drive:
         mode = self._context.options.inconclusive
         if mode == "fail":
             self._fail(judgement)
+            return
         first = self._text(judgement).partition("\n")[0]
         if mode == "skip":
             pytest.skip(first)
@@ -270,12 +279,13 @@ class Drive:
 class DriveContext(NamedTuple):
     """What a process needs in order to drive and judge.
 
-    `family` is among how many requirements a fail must stand; 1 without a correction.
+    `family` is among how many requirements a fail must stand; 1 without a correction. `waivers` are those of the run.
     """
 
     options: RunOptions
     scopes: Scopes
     campaign: Campaign
+    waivers: Waivers
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:

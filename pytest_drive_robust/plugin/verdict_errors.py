@@ -24,6 +24,8 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
 """In `item.stash`: why the test could not be judged when it asked last, None where it could."""
+WAIVED = pytest.StashKey[list[str]]()
+"""In `item.stash`: the waivers of what the test found broken since the last report on it, signed."""
 
 
 def is_open(report: pytest.TestReport) -> bool:

@@ -246,8 +246,8 @@ def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, la
     twice = [agent for agent, count in Counter(baseline.agent for baseline in baselines).items() if count > 1]
     if twice:
         raise UsageError(
-            f"{label} has more than one file of the agent {twice[0]!r}, so it is not clear which scores count. Keep the "
-            "file that `drive-robust bless` writes, and move the others to another folder."
+            f"{label} has more than one file of the agent {twice[0]!r}, so it is not clear which scores count. Keep "
+            "the file that `drive-robust bless` writes, and move the others to another folder."
         )
     known = sorted({place[0] for baseline in baselines for place in baseline.routes})
     if simulator is None and len(known) == 1:
