@@ -171,12 +171,19 @@ class Drive:
         """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken.
 
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
+
+        An inconclusive verdict on the requirement itself is no pass: it warns, fails or skips, as in `check`.
         """
         __tracebackhide__ = True
         _require_requirement("minimal", requirement)
         with self._errors_of(str(requirement)):
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
-            return minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
+            rule = self._verdict_rule.for_routes(len(self.routes))
+            judgement = self._context.campaign.decide(requirement, self._scope, rule)
+            failure = minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
+        if judgement.verdict.decision == "inconclusive":
+            self._leave_open(judgement)
+        return failure
 
     def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
