@@ -11,10 +11,12 @@ from typing import NamedTuple
 
 import pytest
 
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
+from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.parsers import routes_from_root
 from pytest_drive_robust.options.run import RunOptions
@@ -36,7 +38,7 @@ from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.runner.verdict_events import searched
-from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.evaluate import Verdict, require_touched
 from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
@@ -122,11 +124,21 @@ class Drive:
         __tracebackhide__ = True
         return self._measure("SR", setting, ">=", 0.5)
 
-    def episodes(self, setting: Setting | Perturbation | str) -> tuple[EpisodeResult, ...]:
-        """Return every episode under `setting`, driven where missing: routes within seeds."""
+    def episodes(self, setting: Setting | Perturbation | str, *, broken: bool = False) -> tuple[EpisodeResult, ...]:
+        """Return every episode under `setting`, driven where missing: routes within seeds.
+
+        One that broke in the simulator tells nothing of the agent, and a setting that touched nothing is clean driving
+        under another name: both make the test an error, as in `check`. With `broken` the first are returned, too, for a
+        test that looks at `outcome` itself.
+        """
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
-            return self._context.campaign.episodes(self._scope, self._setting(setting))
+            asked = self._setting(setting)
+            results = self._context.campaign.episodes(self._scope, asked)
+            if not broken:
+                require_scorable(results)
+            require_touched(asked, [result for result in results if result.outcome is not Outcome.INFRA_ERROR])
+            return results
 
     def largest(
         self,

@@ -499,6 +499,27 @@ def test_quiet_runs_write_no_progress(suite):
     result.stdout.no_fnmatch_line("drive-robust: steady under*")
 
 
+@pytest.mark.parametrize(
+    ("asked", "world", "told"),
+    [
+        ("'throttle 0.3'", "fake", None),
+        ("'throttle 1.0'", "fake", "throttle 1 changed nothing in all 3 episodes of agent 'steady'"),
+        ("'throttle 0.3'", "broken", "3 of 3 episodes ended with infra_error and are never scored"),
+        ("'throttle 0.3', broken=True", "broken", None),
+    ],
+)
+def test_episodes_that_tell_nothing_of_the_agent_are_an_error_where_a_test_reads_them(suite, asked, world, told):
+    test = f"""
+def test_no_collision(drive):
+    assert not any(result.infractions for result in drive.episodes({asked}))
+"""
+    result = run(suite(test=test), "--drive-sim", world)
+    assert result.ret == (1 if told else 0)
+    if told:
+        result.assert_outcomes(errors=1)
+        result.stdout.fnmatch_lines([f"ERROR: not judged: the episodes under {asked[1:13]}*", f"*{told}*"])
+
+
 @processes
 def test_control_c_ends_with_the_table_of_what_is_there(suite, plugin_args, workers):
     test = """
