@@ -28,6 +28,7 @@ from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
     INCONCLUSIVE,
     NOT_JUDGED_ERROR,
+    RAISED,
     WAIVED,
     BrokenRequirementError,
     NotJudgedError,
@@ -224,6 +225,7 @@ class Drive:
             self._item.user_properties.append(("drive_verdict", "error"))
             told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
             self._item.stash[NOT_JUDGED_ERROR] = told
+            self._item.stash.setdefault(RAISED, []).append(told)
             raise told from None
 
     def _record(self, judgement: Judgement) -> None:
@@ -255,7 +257,9 @@ class Drive:
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
         reach = self._reach(verdict.requirement)
-        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)
+        error = BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)
+        self._item.stash.setdefault(RAISED, []).append(error)
+        raise error
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""

@@ -300,6 +300,36 @@ def test_it(drive):
     assert driven() == sorted(["1 0", "2 0", "3 0"] * 5)
 
 
+@pytest.mark.parametrize(
+    ("call", "told", "args"),
+    [
+        ("with ThreadPoolExecutor() as pool: pool.map(drive.check, STATED)", "DS under throttle 0.3 = 35.85, ", ()),
+        ("with suppress(BaseException): drive.check(STATED[0])", "DS under throttle 0.3 = 35.85, ", ("-n2",)),
+        (
+            "with suppress(BaseException): drive.ds('clean')",
+            "ERROR: not judged: DS under clean",
+            ("--drive-sim=broken",),
+        ),
+        ("drive.ds('clean')", None, ()),
+    ],
+)
+def test_a_test_that_keeps_to_itself_what_drive_raised_is_named(suite, call, told, args):
+    test = f"""
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pytest_drive_robust import requirements
+
+STATED = requirements("DS under throttle 0.3 >= 60")
+
+def test_it(drive):
+    {call}
+"""
+    result = run(suite(test=test), *args)
+    assert result.ret == 0
+    warning = "warning: test_suite.py::test_it passed although it was told: "
+    assert (f"{warning}{told}" in " ".join(result.outlines)) is (told is not None)
+
+
 @processes
 def test_collect_only_drives_nothing_and_is_green(suite, driven, workers):
     result = run(suite(GREEN), "--collect-only", "-q", *workers)
