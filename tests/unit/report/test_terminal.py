@@ -172,6 +172,24 @@ def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():
     assert "machines" not in run_summary(anywhere, colour=False)
 
 
+@pytest.mark.parametrize(
+    ("metric", "comparison", "word", "told"),
+    [
+        ("RD", ">=", "pass", "is passed by the worse of two agents, as less RD is better: was '<=' meant?"),
+        ("DS", "<=", "pass", "is passed by the worse of two agents, as more DS is better: was '>=' meant?"),
+        ("RD", ">=", "fail", None),
+        ("RD", "<=", "pass", None),
+        ("efficiency", "<=", "pass", None),
+    ],
+)
+def test_a_requirement_that_a_worse_agent_passes_is_told_of_where_it_was_passed(metric, comparison, word, told):
+    stated = replace(verdict("clean", word), requirement="STATED", metric=metric, comparison=comparison)
+    run = run_of(("clean", [scored("1", 100.0)]), judged=[stated, replace(stated, agent="other")])
+    text = " ".join(run_summary(run, colour=False).split())
+    assert text.count("warning: STATED") == (told is not None)
+    assert told is None or f"warning: STATED {told}" in text
+
+
 def test_a_simulation_error_has_no_numbers():
     run = run_of(("clean", [crashed_simulation("1")]), judged=[verdict("clean", "error")])
     text = run_summary(run, colour=False)
