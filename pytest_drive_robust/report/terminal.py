@@ -121,7 +121,7 @@ def footnotes(run: RunResult) -> list[str]:
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
-    lines += _passed_by_worse(run)
+    lines += _mistaken(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]
@@ -172,16 +172,23 @@ def _open(run: RunResult) -> list[str]:
     return lines
 
 
-def _passed_by_worse(run: RunResult) -> list[str]:
-    """Return which requirements were passed that a worse agent passes more easily: `<=` and `>=` are soon mistaken."""
+def _mistaken(run: RunResult) -> list[str]:
+    """Return which requirements were passed that hardly ask for anything: `<=` for `>=`, a share for points of DS."""
     lines = []
     for judged in run.judged:
         better = _BETTER.get(judged.metric)
-        if judged.verdict == "pass" and better not in (None, judged.comparison):
+        if judged.verdict != "pass" or better is None:
+            continue
+        if judged.comparison != better:
             meant = "less" if better == "<=" else "more"
             lines.append(
                 f"warning: {judged.requirement} is passed by the worse of two agents, as {meant} {judged.metric} is "
                 f"better: was '{better}' meant?"
+            )
+        elif judged.metric == "DS" and judged.limit < 1.0:
+            lines.append(
+                f"warning: {judged.requirement} is hardly a limit, as DS is 0 to 100: was {100.0 * judged.limit:g} "
+                "meant?"
             )
     return list(dict.fromkeys(lines))
 
