@@ -190,7 +190,9 @@ def _mistaken(run: RunResult) -> list[str]:
                 f"warning: {judged.requirement} is hardly a limit, as DS is 0 to 100: was {100.0 * judged.limit:g} "
                 "meant?"
             )
-    return list(dict.fromkeys(lines))
+    lines = list(dict.fromkeys(lines))
+    hidden = len(lines) - _MAX_ERRORS
+    return lines[:_MAX_ERRORS] + ([f"warning: and {hidden} more requirements like these"] if hidden > 0 else [])
 
 
 def _value(judged: Judged) -> str:

@@ -197,6 +197,15 @@ def test_a_driving_score_that_was_asked_for_as_a_share_is_told_of(metric, limit,
     assert ("warning: STATED is hardly a limit, as DS is 0 to 100: was 60 meant?" in text) is told
 
 
+def test_of_many_requirements_that_hardly_ask_for_anything_ten_are_named():
+    stated = replace(verdict("clean", "pass"), metric="DS", comparison=">=", limit=0.6)
+    judged = [replace(stated, requirement=f"STATED-{number}-") for number in range(12)]
+    text = " ".join(run_summary(run_of(("clean", [scored("1", 2.0)]), judged=judged), colour=False).split())
+    assert "STATED-9-" in text
+    assert "STATED-10-" not in text
+    assert "warning: and 2 more requirements like these" in text
+
+
 def test_a_simulation_error_has_no_numbers():
     run = run_of(("clean", [crashed_simulation("1")]), judged=[verdict("clean", "error")])
     text = run_summary(run, colour=False)
