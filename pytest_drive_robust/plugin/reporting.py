@@ -147,8 +147,9 @@ def header(options: RunOptions) -> str:
     """Return the options that decide a run's numbers, in one line. Raises `UsageError` for unknown routes."""
     seeds = ",".join(map(str, options.seeds))
     correction = "" if options.correction == "none" else f" correction={options.correction}"
+    unasked = "" if options.agent_given or options.is_external else " (nobody named one)"
     return (
-        f"drive-robust: agent={options.agent} sim={options.simulator} routes={_routes_in_words(options)} "
+        f"drive-robust: agent={options.agent}{unasked} sim={options.simulator} routes={_routes_in_words(options)} "
         f"seeds={seeds} reading={options.reading} metrics={options.metrics}{correction}"
     )
 

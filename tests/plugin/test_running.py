@@ -183,6 +183,11 @@ def test_the_header_shows_the_effective_choices(suite):
     result.stdout.fnmatch_lines([f"drive-robust: agent=steady sim=fake {settled}"])
 
 
+def test_the_header_tells_where_nobody_named_an_agent(suite):
+    result = run(suite(GREEN), "-o", "drive_agent=", "--collect-only")
+    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (nobody named one) sim=fake *"])
+
+
 def test_a_route_file_of_the_ini_file_starts_from_the_root_folder(suite, monkeypatch):
     folder = suite(GREEN)
     monkeypatch.chdir(folder.mkdir("below"))
