@@ -175,6 +175,12 @@ class References:
             return False
         return run_file(self.runs, reference).resolve() == run_file(self.runs, other).resolve()
 
+    def takes(self, reference: str, path: Path) -> bool:
+        """Return True where a reference stands for the stored run in `path`, which is there."""
+        if reference == AUTO:
+            reference = _BASELINE if any(self.baselines.glob("*.json")) else "latest"
+        return reference.partition(":")[0] != _BASELINE and run_file(self.runs, reference).resolve() == path.resolve()
+
     def load_run(self, reference: str) -> Snapshot:
         """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""
         path = Path(reference)

@@ -136,6 +136,23 @@ def test_a_comparison_comes_before_the_run_of_that_name_is_replaced(suite):
     assert run(folder, "--drive-compare=main").ret == 0
 
 
+@pytest.mark.parametrize(
+    ("compare", "save", "told"),
+    [("main", "main", True), ("latest", "now", True), ("auto", "now", True), ("main", "now", False)],
+)
+def test_a_worse_run_that_the_next_one_is_compared_with_says_so(suite, compare, save, told):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=main")
+    first = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
+    first.stdout.no_fnmatch_line("warning: --drive-compare*")
+    slow_down(folder)
+    worse = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
+    assert worse.ret == 1
+    warning = f"warning: --drive-compare={compare} takes this run from now on, so that the same once more is green"
+    assert (warning in worse.outlines) is told
+    assert run(folder, f"--drive-compare={compare}").ret == (0 if told else 1)
+
+
 def test_alone_the_option_takes_the_newest_run(suite):
     folder = suite(HOLDS)
     run(folder, "--drive-save=one")
