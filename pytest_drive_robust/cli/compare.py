@@ -62,7 +62,7 @@ def _compare(options: argparse.Namespace) -> int:
     references = references_of(options)
     after = references.load(options.after)
     before = references.load(options.before, simulator=after.simulator)
-    if before.label == after.label:
+    if before.label == after.label or references.is_same_file(options.before, options.after):
         raise UsageError(
             f"A and B are both {after.label!r}, and no run is worse than itself. `drive-robust runs list` shows all."
         )

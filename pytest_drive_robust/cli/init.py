@@ -47,6 +47,8 @@ def _init(options: argparse.Namespace) -> int:
         with refusing_unwritable(path):
             path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
         say(f"{path}: written")
+    if options.ci:
+        say("the workflow drives the agent that drive_agent names in pytest.ini or pyproject.toml, else one of ours")
     say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-verdict point --drive-save")
     say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")
     return 0

@@ -48,7 +48,8 @@ class RunOptions:
     `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
     the default reading, and must not contradict one that was asked for.
     `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own. `seeds_given`
-    tells the same of `seeds`: where nobody did, results are judged over all repetitions that they hold.
+    tells the same of `seeds`: where nobody did, results are judged over all repetitions that they hold. `agent_given`
+    tells it of `agent`: where nobody did, an agent of ours is judged.
     `plugins` register names of their own, in the words that `drive-robust -p` takes.
     """
 
@@ -73,6 +74,7 @@ class RunOptions:
     probe: bool = option("--drive-probe")
     routes_given: bool = field(default=False, compare=False)
     seeds_given: bool = field(default=False, compare=False)
+    agent_given: bool = field(default=False, compare=False)
     reading_given: bool = field(default=False, compare=False)
     plugins: tuple[str, ...] = field(default=(), compare=False)
 
@@ -83,6 +85,7 @@ class RunOptions:
             **read_fields(cls, config),
             routes_given=was_given(OPTIONS["--drive-routes"], config),
             seeds_given=was_given(OPTIONS["--drive-seeds"], config),
+            agent_given=was_given(OPTIONS["--drive-agent"], config),
             reading_given=was_given(OPTIONS["--drive-reading"], config),
         )
         paths = [path for path in (options.json_path, options.csv_path, options.report_path) if path is not None]

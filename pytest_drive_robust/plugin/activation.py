@@ -51,7 +51,7 @@ def activate(config: pytest.Config) -> None:
 
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
-    drive_here = partial(_drive_here, config, options, execution, regression, checks)
+    drive_here = partial(_drive_here, config, options, execution, regression, checks, waivers)
     if not is_worker(config):
         _report_here(config, options, execution, regression, checks, drive_here)
         return
@@ -99,6 +99,7 @@ def _drive_here(
     execution: ExecutionOptions,
     regression: RegressionOptions,
     checks: RegressionChecks,
+    waivers: Waivers,
     store: EpisodeStore,
     observer: Observer,
     *,
@@ -108,7 +109,7 @@ def _drive_here(
     campaign = Campaign(
         store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
     )
-    config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign)
+    config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign, waivers)
     config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
     collection = CollectionPlugin(checks)
     config.pluginmanager.register(collection, "drive_robust_collection")

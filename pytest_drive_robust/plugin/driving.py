@@ -10,7 +10,14 @@ import pytest
 
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
-from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, BrokenRequirementError, NotJudgedError, is_open
+from pytest_drive_robust.plugin.verdict_errors import (
+    NOT_JUDGED_ERROR,
+    RAISED,
+    UNHEEDED,
+    BrokenRequirementError,
+    NotJudgedError,
+    is_open,
+)
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.verdict.requirement import Requirement
@@ -35,6 +42,7 @@ class DrivingPlugin:
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         """Forget what an attempt before this one noted: a plugin that runs failed tests again keeps the item."""
         item.stash[NOT_JUDGED_ERROR] = None
+        item.stash[RAISED] = []
         item.user_properties[:] = [
             (name, value) for name, value in item.user_properties if not name.startswith("drive_")
         ]
@@ -49,9 +57,12 @@ class DrivingPlugin:
         """
         report = yield
         error = _error_of(item, call)
+        raised: list[BaseException] = item.stash.get(RAISED, [])
         report.user_properties = [(name, _plain(value)) for name, value in report.user_properties]
         if error is None and report.when == "call" and report.passed:
             error = _forgotten(item)
+            report.user_properties += [(UNHEEDED, _first_line(told)) for told in raised[:1]]
+        item.stash[RAISED] = [told for told in raised if told is not error]  # a subtest reported it
         if isinstance(error, NotJudgedError) and (report.passed or hasattr(report, "wasxfail")):
             vars(report).pop("wasxfail", None)
             report.outcome = "failed"
@@ -62,7 +73,7 @@ class DrivingPlugin:
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
-                crash.message = str(error).partition("   (")[0].partition("\n")[0]
+                crash.message = _first_line(error)
             place = place_of(item)
             if place is not None:
                 report.location = (place[0], place[1] - 1, report.location[2])  # from 0
@@ -88,6 +99,11 @@ class DrivingPlugin:
     def pytest_unconfigure(self) -> None:
         """Close simulators."""
         self._campaign.scheduler.close()
+
+
+def _first_line(error: BaseException) -> str:
+    """Return what a report says of our error in one line."""
+    return str(error).partition("   (")[0].partition("\n")[0]
 
 
 def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException | None:

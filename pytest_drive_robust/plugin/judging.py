@@ -7,14 +7,16 @@ import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 import pytest
 
+from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
+from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.parsers import routes_from_root
 from pytest_drive_robust.options.run import RunOptions
@@ -26,15 +28,18 @@ from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
     INCONCLUSIVE,
     NOT_JUDGED_ERROR,
+    RAISED,
+    WAIVED,
     BrokenRequirementError,
     NotJudgedError,
 )
+from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.runner.verdict_events import searched
-from pytest_drive_robust.verdict.evaluate import Verdict
+from pytest_drive_robust.verdict.evaluate import Verdict, require_touched
 from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
@@ -87,7 +92,7 @@ class Drive:
 
         Fails the test when the requirement does not hold, and makes it an error when it cannot be judged (an episode
         broke in the simulator, nothing to compare with). An inconclusive verdict warns, fails or skips, as
-        `--drive-inconclusive` says.
+        `--drive-inconclusive` says. After a requirement that is waived the test goes on, and is an xfail at its end.
 
         `verdict` (`"auto"`, `"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
@@ -120,11 +125,21 @@ class Drive:
         __tracebackhide__ = True
         return self._measure("SR", setting, ">=", 0.5)
 
-    def episodes(self, setting: Setting | Perturbation | str) -> tuple[EpisodeResult, ...]:
-        """Return every episode under `setting`, driven where missing: routes within seeds."""
+    def episodes(self, setting: Setting | Perturbation | str, *, broken: bool = False) -> tuple[EpisodeResult, ...]:
+        """Return every episode under `setting`, driven where missing: routes within seeds.
+
+        One that broke in the simulator tells nothing of the agent, and a setting that touched nothing is clean driving
+        under another name: both make the test an error, as in `check`. With `broken` the first are returned, too, for a
+        test that looks at `outcome` itself.
+        """
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
-            return self._context.campaign.episodes(self._scope, self._setting(setting))
+            asked = self._setting(setting)
+            results = self._context.campaign.episodes(self._scope, asked)
+            if not broken:
+                require_scorable(results)
+            require_touched(asked, [result for result in results if result.outcome is not Outcome.INFRA_ERROR])
+            return results
 
     def largest(
         self,
@@ -169,12 +184,19 @@ class Drive:
         """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken.
 
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
+
+        An inconclusive verdict on the requirement itself is no pass: it warns, fails or skips, as in `check`.
         """
         __tracebackhide__ = True
         _require_requirement("minimal", requirement)
         with self._errors_of(str(requirement)):
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
-            return minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
+            rule = self._verdict_rule.for_routes(len(self.routes))
+            judgement = self._context.campaign.decide(requirement, self._scope, rule)
+            failure = minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
+        if judgement.verdict.decision == "inconclusive":
+            self._leave_open(judgement)
+        return failure
 
     def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
@@ -203,6 +225,7 @@ class Drive:
             self._item.user_properties.append(("drive_verdict", "error"))
             told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
             self._item.stash[NOT_JUDGED_ERROR] = told
+            self._item.stash.setdefault(RAISED, []).append(told)
             raise told from None
 
     def _record(self, judgement: Judgement) -> None:
@@ -222,13 +245,21 @@ class Drive:
             *((name, number) for name, number in numbers.items() if math.isfinite(number)),
         ]
 
-    def _fail(self, judgement: Judgement) -> NoReturn:
+    def _fail(self, judgement: Judgement) -> None:
+        """Raise, but for a requirement that is waived: what the test checks after it is not, and must be judged."""
         __tracebackhide__ = True
+        verdict = judgement.verdict
+        waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
+        if waiver is not None and self._context.waivers.holds(waiver):
+            self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
+            return
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
         place = place_of(self._item)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
-        reach = self._reach(judgement.verdict.requirement)
-        raise BrokenRequirementError(self._text(judgement) + legible(reach) + stated, judgement.verdict)
+        reach = self._reach(verdict.requirement)
+        error = BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)
+        self._item.stash.setdefault(RAISED, []).append(error)
+        raise error
 
     def _leave_open(self, judgement: Judgement) -> None:
         """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
@@ -236,6 +267,7 @@ class Drive:
         mode = self._context.options.inconclusive
         if mode == "fail":
             self._fail(judgement)
+            return
         first = self._text(judgement).partition("\n")[0]
         if mode == "skip":
             pytest.skip(first)
@@ -270,12 +302,13 @@ class Drive:
 class DriveContext(NamedTuple):
     """What a process needs in order to drive and judge.
 
-    `family` is among how many requirements a fail must stand; 1 without a correction.
+    `family` is among how many requirements a fail must stand; 1 without a correction. `waivers` are those of the run.
     """
 
     options: RunOptions
     scopes: Scopes
     campaign: Campaign
+    waivers: Waivers
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:

@@ -54,11 +54,8 @@ class RegressionChecks:
             policy = self._regression.policy
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool, ended_early: bool = False) -> bool:
-        """Store, compare, review. True when the run must not be green.
-
-        `whole`: every test was selected and ran; `ended_early`: tests were left.
-        """
+    def finish(self, run: RunResult, *, whole: bool) -> bool:
+        """Store, compare, review. True when the run must not be green. `whole`: every test was selected and ran."""
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
@@ -66,11 +63,10 @@ class RegressionChecks:
         if not self._regression.save and self._before is None:
             return red
         document = run_as_json(run)
+        worse = self._before is not None and self._compare(self._before, document)
         if self._regression.save:
-            red = self._store(document, complete=not ended_early and _is_complete(document)) or red
-        if self._before is not None:
-            red = self._compare(self._before, document) or red
-        return red
+            red = self._store(document, complete=_is_complete(document), worse=worse) or red
+        return red or worse
 
     def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
         """Return (title, text) of what there is to tell."""
@@ -94,7 +90,8 @@ class RegressionChecks:
             raise UsageError(f"{before.label} cannot be compared with: {mismatch.text}. Give --drive-sim {known}.")
         return before
 
-    def _store(self, document: dict[str, object], *, complete: bool) -> bool:
+    def _store(self, document: dict[str, object], *, complete: bool, worse: bool) -> bool:
+        """Store the run; `worse`: the comparison was red. True when it was not stored."""
         name = self._regression.save
         if not complete and self._holds_complete(name):
             self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
@@ -111,6 +108,11 @@ class RegressionChecks:
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
             f'drive-robust bless {path.stem} --reason "..."'
         )
+        compared = self._regression.compare
+        if worse and self._references.takes(compared, path):
+            self._lines.append(
+                f"warning: --drive-compare={compared} takes this run from now on, so that the same once more is green"
+            )
         return False
 
     def _holds_complete(self, name: str) -> bool:

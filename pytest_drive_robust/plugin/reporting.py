@@ -14,13 +14,14 @@ from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import columns_of_screen
 from pytest_drive_robust.plugin.usage_errors import problems_of
-from pytest_drive_robust.plugin.verdict_errors import is_open
+from pytest_drive_robust.plugin.verdict_errors import UNHEEDED, is_open
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
+_MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("ignore", "ignore_glob", "lf")  # what leaves files out, of which `pytest_deselected` hears nothing
 
@@ -36,6 +37,7 @@ class ReportingPlugin:
         self._broke = False
         self._deselected = False
         self._ended: set[str] = set()
+        self._unheeded: list[str] = []
 
     def pytest_report_header(self) -> str:
         """Return the effective options, in one line."""
@@ -59,6 +61,11 @@ class ReportingPlugin:
         """Note that a test has ended, here or in a worker."""
         self._ended.add(nodeid)
 
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Note a test that passed although it was told by an error: a thread kept that, or an `except`."""
+        told = [value for name, value in report.user_properties if name == UNHEEDED]
+        self._unheeded += [f"{report.nodeid} passed although it was told: {line}" for line in told]
+
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
         self, report: pytest.TestReport
@@ -81,6 +88,10 @@ class ReportingPlugin:
             early = self._why_early(session)
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
+            for sentence in self._unheeded[:_MOST_UNHEEDED]:
+                self._outputs.note(f"warning: {sentence}")
+            if len(self._unheeded) > _MOST_UNHEEDED:
+                self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
             whole = not self._deselected and every_test_ran(session)
             problem = self._outputs.finish(whole=whole, ended_early=bool(early), advice=self._advice(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
@@ -136,8 +147,9 @@ def header(options: RunOptions) -> str:
     """Return the options that decide a run's numbers, in one line. Raises `UsageError` for unknown routes."""
     seeds = ",".join(map(str, options.seeds))
     correction = "" if options.correction == "none" else f" correction={options.correction}"
+    unasked = "" if options.agent_given or options.is_external else " (nobody named one)"
     return (
-        f"drive-robust: agent={options.agent} sim={options.simulator} routes={_routes_in_words(options)} "
+        f"drive-robust: agent={options.agent}{unasked} sim={options.simulator} routes={_routes_in_words(options)} "
         f"seeds={seeds} reading={options.reading} metrics={options.metrics}{correction}"
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from importlib import metadata
 from pathlib import Path
@@ -90,14 +91,15 @@ class RunOutputs:
         `whole` says that every test was selected and ran, `ended_early` that tests were left, `advice` what to do where
         no episode was driven.
         """
-        run = self._run = self._attempt("the result of the run could not be put together", self._build)
+        run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
             return True
+        run = self._run = replace(run, ended_early=ended_early)
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)
         red = self._attempt(
             "the run was not stored or compared",
-            lambda: self._checks.finish(run, whole=whole, ended_early=ended_early),
+            lambda: self._checks.finish(run, whole=whole),
         )
         compared = self._checks.comparison
         self._write(self._options.json_path, partial(write_json, comparison=compared), run)

@@ -24,6 +24,12 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
 """In `item.stash`: why the test could not be judged when it asked last, None where it could."""
+RAISED = pytest.StashKey[list[BaseException]]()
+"""In `item.stash`: what the test was told by an error and no report told of yet."""
+UNHEEDED = "drive_unheeded"
+"""The property of the report on a test that passed although it was told by an error: the first line of that."""
+WAIVED = pytest.StashKey[list[str]]()
+"""In `item.stash`: the waivers of what the test found broken since the last report on it, signed."""
 
 
 def is_open(report: pytest.TestReport) -> bool:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -96,7 +97,7 @@ def baseline_file(folder: Path, agent: str) -> Path:
 def read_baseline(path: Path) -> Baseline:
     """Read the baseline in `path`. Raises `UsageError` for a file that is none."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_without_twins)
         if document["schema"] != SCHEMA:
             raise UsageError(f"{str(path)!r} has schema {document['schema']!r}, this version reads {SCHEMA}.")
         blessings = {name: _blessing(item) for name, item in document["blessings"].items()}
@@ -114,6 +115,17 @@ def read_baseline(path: Path) -> Baseline:
         raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(f"{str(path)!r} is not a baseline: {type(error).__name__}: {error}.") from None
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON. Raises `ValueError` for a key that it has twice, of which the last one would count.
+
+    Who accepts both sides of a conflict in git has each changed route twice, the old score among them.
+    """
+    twice = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
+    if twice:
+        raise ValueError(f"{twice[0]!r} stands there twice, as after a merge that kept both sides: remove one")
+    return dict(pairs)
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
@@ -197,8 +209,8 @@ def bless(
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
-    of, that did without routes once its verdicts were in, or that holds no score, and, unless `replace_routes`, for
-    routes that are others than the blessed ones of the same id. Nothing is written then.
+    of, that ended before its tests, that did without routes once its verdicts were in, or that holds no score, and,
+    unless `replace_routes`, for routes that are others than the blessed ones of the same id. Nothing is written then.
     """
     _require_acceptable(run, signature, environ)
     prepared = []
@@ -227,9 +239,16 @@ def bless(
 def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, label: str) -> Snapshot:
     """Return what was blessed for one simulator, as a run; for the only one there is when `simulator` is None.
 
-    Raises `UsageError` when nothing was blessed for it, or when it is not clear which one is meant.
+    Raises `UsageError` when nothing was blessed for it, when it is not clear which one is meant, and when two of them
+    are of one agent: which file was read last would decide.
     """
     baselines = list(baselines)
+    twice = [agent for agent, count in Counter(baseline.agent for baseline in baselines).items() if count > 1]
+    if twice:
+        raise UsageError(
+            f"{label} has more than one file of the agent {twice[0]!r}, so it is not clear which scores count. Keep "
+            "the file that `drive-robust bless` writes, and move the others to another folder."
+        )
     known = sorted({place[0] for baseline in baselines for place in baseline.routes})
     if simulator is None and len(known) == 1:
         simulator = known[0]
@@ -265,6 +284,11 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         raise UsageError(
             f"{run.label} was driven until its verdicts were in, on {stopped[0]}{others}: later runs cannot be judged "
             "against that. Drive it with --drive-save, or with --drive-verdict=point."
+        )
+    if run.ended_early:
+        raise UsageError(
+            f"{run.label} is incomplete: it ended before all of its tests had. It cannot become a baseline: run its "
+            "command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")

@@ -120,7 +120,9 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
             told += (f"{left} {'episode was' if left == 1 else 'episodes were'} not driven, as the run ended before",)
         cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
-    return Snapshot(label, cells, date=str(stored.get("date") or ""), commit=str(stored.get("commit") or ""))
+    date, commit = str(stored.get("date") or ""), str(stored.get("commit") or "")
+    # runs that were saved before this was told do not say
+    return Snapshot(label, cells, date=date, commit=commit, ended_early=document.get("ended_early") is True)
 
 
 def _stopped_early(row: Mapping[str, Any]) -> bool:

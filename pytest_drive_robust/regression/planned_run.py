@@ -8,6 +8,7 @@ from itertools import chain, islice
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches, stuck_stops
 from pytest_drive_robust.regression.shared_routes import (
+    cut_off,
     incomplete,
     not_driven,
     other_content,
@@ -49,9 +50,16 @@ def check_planned_run(
         if (old := before.cells.get((renamed.get(agent, agent), setting))) is not None
     ]
     pairs = [(old, routes) for _, old, routes in common]
+    lacking = [
+        f"{agent} under {setting}"
+        for agent, setting in planned
+        if (renamed.get(agent, agent), setting) not in before.cells
+    ]
     if whole and planned and not any(old.routes.keys() & routes for old, routes in pairs):
         raise UsageError(_nothing_in_common(before, planned))
-    found = chain(_driven_otherwise(common, driven_with), _of_routes(before, pairs, whole=whole))
+    found = chain(
+        cut_off(before, lacking), _driven_otherwise(common, driven_with), _of_routes(before, pairs, whole=whole)
+    )
     refused = next((item for item in found if item.refuses(policy)), None)
     if refused is not None:
         raise UsageError(

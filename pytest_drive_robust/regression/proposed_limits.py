@@ -43,14 +43,19 @@ def propose_limits(
     """Return a limit for each setting that `agent` was driven under: of DS for the clean one, of RD for the others.
 
     Left out is what no limit could be broken by (an RD that may be 1, a DS that may be 0) and an RD whose clean driving
-    score says nothing. Raises `UsageError` where nothing is left, for an agent that is not in the run, and where some
-    of its episodes were not scored or its verdicts did without some of the routes.
+    score says nothing. Raises `UsageError` where nothing is left, for an agent that is not in the run, and where the
+    run ended before its tests, some of its episodes were not scored or its verdicts did without some of the routes.
     """
     cells = {
         Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
     }
     if not cells:
         raise UnknownNameError.of("agent", agent, run.agents, hint=f"The run is {run.label!r}.")
+    if run.ended_early:
+        raise UsageError(
+            f"the run {run.label!r} is incomplete: it ended before all of its tests had, so requirements are missing. "
+            "Such a run gives no limits: run its command again."
+        )
     broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
     if broken:
         more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""

@@ -2,7 +2,7 @@
 
 ================= ==================================================================
 `before`          the stored run of that name
-`latest`          the newest stored run
+`latest`          the newest stored run, by the date that it tells
 `runs/x.json`     a file written by `--drive-save`, `--drive-json` or `bless`
 `baseline`        everything that was blessed, of all agents
 `baseline:NAME`   what was blessed of one agent
@@ -15,6 +15,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,9 @@ AUTO = "auto"
 """What `--drive-save` alone stands for: a name of the date, the time and the commit."""
 _RESERVED = (AUTO, "latest", "baseline")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
+_STORED = re.compile(r'"stored": \{[^{}]*"date": "([^"]+)"')
+_END = 1024
+"""So many bytes at the end of a stored run hold its name, its date and its commit."""
 
 
 def home_of(folder: Path) -> Path:
@@ -89,8 +93,7 @@ class StoredRuns:
 
     def names(self) -> list[str]:
         """Return every stored run, the oldest first."""
-        paths = sorted(self.path.glob("*.json"), key=lambda path: (path.stat().st_mtime_ns, path.name))
-        return [path.stem for path in paths]
+        return [path.stem for path in sorted(self.path.glob("*.json"), key=_age)]
 
     def find(self, name: str) -> Path:
         """Return the file of a run; `"latest"` is the newest. Raises `UnknownNameError`."""
@@ -107,6 +110,22 @@ class StoredRuns:
         while (self.path / f"{free}.json").exists():
             number, free = number + 1, f"{name}_{number + 1}"
         return free
+
+
+def _age(path: Path) -> tuple[float, int, str]:
+    """Return what sorts the file of a run behind older ones: the date that it tells, else when it was written.
+
+    Copies, and files out of an artifact, were all written just now. The date stands at the end (see `save`).
+    """
+    status = path.stat()
+    try:
+        with path.open("rb") as file:
+            file.seek(max(0, status.st_size - _END))
+            told = _STORED.search(file.read().decode("utf-8", errors="replace"))
+        when_s = datetime.fromisoformat(told[1]).timestamp() if told else float(status.st_mtime_ns // 10**9)
+    except (OSError, ValueError):
+        when_s = float(status.st_mtime_ns // 10**9)
+    return when_s, status.st_mtime_ns, path.name
 
 
 def names_file(reference: str, start: Path = Path()) -> bool:
@@ -149,6 +168,18 @@ class References:
             return self._blessed(agent, simulator)
         path = run_file(self.runs, reference)
         return self._file(path, simulator) if path == Path(reference) else self.stored(path.stem)
+
+    def is_same_file(self, reference: str, other: str) -> bool:
+        """Return True where both are the file of one run, however they name it."""
+        if any(name == AUTO or name.partition(":")[0] == _BASELINE for name in (reference, other)):
+            return False
+        return run_file(self.runs, reference).resolve() == run_file(self.runs, other).resolve()
+
+    def takes(self, reference: str, path: Path) -> bool:
+        """Return True where a reference stands for the stored run in `path`, which is there."""
+        if reference == AUTO:
+            reference = _BASELINE if any(self.baselines.glob("*.json")) else "latest"
+        return reference.partition(":")[0] != _BASELINE and run_file(self.runs, reference).resolve() == path.resolve()
 
     def load_run(self, reference: str) -> Snapshot:
         """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""

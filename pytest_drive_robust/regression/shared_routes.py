@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pytest_drive_robust.regression.fingerprint import Mismatch
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
@@ -15,12 +15,14 @@ CellPair = tuple[Cell, Cell]
 
 _MOST_ROUTES = 5
 """So many are named."""
+_CUT_OFF = "the run ended before all of its tests had"
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
     """What two runs share: `compared` are the settings with common routes, `unscored` those of which the new run asked
-    for episodes and scored none. `lacking` are sentences about settings that cannot be compared, one for each.
+    for episodes and scored none, or which it lacks because it ended before its tests. `lacking` are sentences about
+    settings that cannot be compared, one for each.
     """
 
     compared: tuple[CellPair, ...]
@@ -42,20 +44,26 @@ class Shared:
         pairs = [(old, new) for old, new in both if new not in unscored]
         compared = tuple((old, new) for old, new in pairs if pairs_of(old, new))
         known = [old for old, _ in both]
+        only_before = [old for old in before.cells.values() if old not in known]
+        only_after = [new for old, new in matched if old is None]
+        if after.ended_early:
+            unscored += tuple(replace(old, routes={}, broken=(_CUT_OFF,)) for old in only_before)
+            only_before = []
         lacking = [
-            *(f"not in {before.label}: {_named(new)}" for old, new in matched if old is None),
+            *(f"not in {before.label}: {_named(new)}" for new in only_after),
             *(
                 f"not in {before.label} on the same routes: {_named(new)}"
                 for old, new in pairs
                 if not pairs_of(old, new)
             ),
-            *(f"not in {after.label}: {_named(old)}" for old in before.cells.values() if old not in known),
+            *(f"not in {after.label}: {_named(old)}" for old in only_before),
         ]
         notes = [f"{old} is compared with {new}" for new, old in renamed.items()]
         only_new = [told for old, new in compared for told in _only_in(new, old.routes)]
         notes += [f"not in {before.label}: {_first_of(only_new)}"] if only_new else []
         whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]  # these tell themselves
         mismatches = (
+            *cut_off(before, map(_named, only_after)),
             *incomplete(before.label, [old for old, _ in pairs]),
             *stopped(before.label, [old for old, _ in pairs]),
             *stopped(after.label, [new for _, new in pairs]),
@@ -75,6 +83,14 @@ def pairs_of(old: Cell, new: Cell) -> list[Pair]:
 def renamed_agents(before: Sequence[str], after: Sequence[str]) -> Mapping[str, str]:
     """Return what agents of the new run are called in the old one, where the names differ: each run has one agent."""
     return {after[0]: before[0]} if len(before) == len(after) == 1 and after[0] != before[0] else {}
+
+
+def cut_off(before: Snapshot, lacking: Iterable[str]) -> Iterable[Mismatch]:
+    """Yield a mismatch where the old run lacks what is asked for (`"AGENT under SETTING"`) as it ended before that."""
+    told = list(lacking) if before.ended_early else []
+    if told:
+        text = f"{before.label} ended before all of its tests had, and lacks {_first_of(told)}"
+        yield Mismatch("routes", text, "Run the command of that run again")
 
 
 def incomplete(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:

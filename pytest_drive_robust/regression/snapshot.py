@@ -82,12 +82,16 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """A run, or what was blessed of several. `label` is how people call it; date and commit are empty if unknown."""
+    """A run, or what was blessed of several. `label` is how people call it; date and commit are empty if unknown.
+
+    `ended_early` is True where the run ended before all of its tests had: settings may be missing.
+    """
 
     label: str
     cells: Mapping[CellKey, Cell]
     date: str = ""
     commit: str = ""
+    ended_early: bool = False
 
     @property
     def made(self) -> str:
@@ -102,8 +106,8 @@ class Snapshot:
 
     @property
     def is_complete(self) -> bool:
-        """False where an episode has no score: the simulator broke it, or the run ended before it was driven."""
-        return not any(cell.broken for cell in self.cells.values())
+        """False where an episode has no score, as the simulator broke it, and where the run ended before its tests."""
+        return not (self.ended_early or any(cell.broken for cell in self.cells.values()))
 
     @property
     def agents(self) -> tuple[str, ...]:

@@ -42,6 +42,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "summaries": [_row(row) for row in run.rows],
         "episodes": [episode_as_json(key, result) for key, result in run.episodes.items()],
         "notes": [*mixed_machines(run), *run.notes],
+        "ended_early": run.ended_early,
     }
     return {key: _finite(value) for key, value in document.items()}
 

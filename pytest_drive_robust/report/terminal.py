@@ -19,6 +19,8 @@ _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
 _NARROW_COLUMNS = ("DS", "SR", "RD", "routes")
+_BETTER = {"RD": "<=", "DS": ">=", "SR": ">="}
+"""Which comparison asks for a good agent. Of other metrics one may want neither too much nor too little."""
 _MOST_OTHERS = 2
 """So many more metrics fit into a line; JSON has all of them."""
 
@@ -119,6 +121,7 @@ def footnotes(run: RunResult) -> list[str]:
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
+    lines += _mistaken(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
     lines += [note for row in run.rows if (note := immunity(row.results))]
@@ -167,6 +170,29 @@ def _open(run: RunResult) -> list[str]:
             read = f"{_value(judged)} after {judged.routes} of {judged.planned} routes"
             lines.append(f"~ {judged.agent}: {judged.requirement}: {read}, {why}")
     return lines
+
+
+def _mistaken(run: RunResult) -> list[str]:
+    """Return which requirements were passed that hardly ask for anything: `<=` for `>=`, a share for points of DS."""
+    lines = []
+    for judged in run.judged:
+        better = _BETTER.get(judged.metric)
+        if judged.verdict != "pass" or better is None:
+            continue
+        if judged.comparison != better:
+            meant = "less" if better == "<=" else "more"
+            lines.append(
+                f"warning: {judged.requirement} is passed by the worse of two agents, as {meant} {judged.metric} is "
+                f"better: was '{better}' meant?"
+            )
+        elif judged.metric == "DS" and judged.limit < 1.0:
+            lines.append(
+                f"warning: {judged.requirement} is hardly a limit, as DS is 0 to 100: was {100.0 * judged.limit:g} "
+                "meant?"
+            )
+    lines = list(dict.fromkeys(lines))
+    hidden = len(lines) - _MAX_ERRORS
+    return lines[:_MAX_ERRORS] + ([f"warning: and {hidden} more requirements like these"] if hidden > 0 else [])
 
 
 def _value(judged: Judged) -> str:

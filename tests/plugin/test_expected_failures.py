@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
+from pytest_drive_robust.testing import fake_route
+
 RED = "DS under throttle 0.3 >= 60"
 GREEN = "DS under clean >= 1"
 OPEN = "DS under throttle 0.5 >= 57"
@@ -71,6 +74,24 @@ def test_a_requirement_that_holds_is_still_a_pass_that_nobody_expected(suite):
     result.assert_outcomes(failed=2)
     result.stdout.fnmatch_lines("*XPASS(strict)*")
     result.stdout.fnmatch_lines("*Unexpected success*")
+
+
+@pytest.mark.parametrize(
+    ("mode", "outcome", "code"), [("warn", "inconclusive", 0), ("skip", "skipped", 0), ("fail", "failed", 1)]
+)
+def test_no_smallest_failure_is_an_open_verdict_where_the_whole_one_is_open(suite, mode, outcome, code):
+    folder = suite(
+        test="""
+from pytest_drive_robust import requirements
+
+def test_it(drive):
+    assert drive.minimal(requirements("RD under throttle 0.9 <= 0.30")[0]) is None
+"""
+    )
+    save_routes([fake_route("1", length_m=900.0)], folder.path / "routes.xml")  # so long that nothing can be lost
+    result = folder.runpytest_inprocess("--drive-robust", f"--drive-inconclusive={mode}", "-rs")
+    assert result.ret == code
+    assert result.parseoutcomes() == {outcome: 1}
 
 
 @pytest.mark.skipif(not hasattr(pytest, "Subtests"), reason="subtests come with pytest 9")

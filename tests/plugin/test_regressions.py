@@ -10,6 +10,7 @@ import jsonschema
 import pytest
 from published_schema import run_schema
 
+from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
@@ -133,6 +134,23 @@ def test_a_comparison_comes_before_the_run_of_that_name_is_replaced(suite):
     slow_down(folder)
     assert run(folder, "--drive-compare=main", "--drive-save=main").ret == 1
     assert run(folder, "--drive-compare=main").ret == 0
+
+
+@pytest.mark.parametrize(
+    ("compare", "save", "told"),
+    [("main", "main", True), ("latest", "now", True), ("auto", "now", True), ("main", "now", False)],
+)
+def test_a_worse_run_that_the_next_one_is_compared_with_says_so(suite, compare, save, told):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=main")
+    first = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
+    first.stdout.no_fnmatch_line("warning: --drive-compare*")
+    slow_down(folder)
+    worse = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
+    assert worse.ret == 1
+    warning = f"warning: --drive-compare={compare} takes this run from now on, so that the same once more is green"
+    assert (warning in worse.outlines) is told
+    assert run(folder, f"--drive-compare={compare}").ret == (0 if told else 1)
 
 
 def test_alone_the_option_takes_the_newest_run(suite):
@@ -346,6 +364,31 @@ def test_a_run_that_its_first_failure_ended_replaces_no_complete_one(suite, work
     assert stored(folder, "before") == kept
     (note,) = json.loads((folder.path / "run.json").read_text())["notes"]
     assert re.match(r"the run (ended early|was interrupted): requirements whose tests had not ended by then", note)
+
+
+@processes
+def test_a_run_that_its_first_failure_ended_is_not_taken_for_whole(suite, driven, monkeypatch, capsys, workers):
+    monkeypatch.delenv("CI", raising=False)
+    folder = suite(HOLDS, BROKEN, *(f"DS under throttle 0.{number} >= 1" for number in range(1, 9)))
+    run(folder, "--drive-save=before")
+    run(folder, "--drive-save=early", "-x", *workers)
+    assert stored(folder, "early")["ended_early"] is True
+    assert stored(folder, "before")["ended_early"] is False
+    capsys.readouterr()
+    assert main(["compare", "before", "early"]) == 1
+    told = capsys.readouterr().out.splitlines()
+    assert re.match(r"NOT JUDGED: \d of \d+ settings against before: steady under throttle 0\.\d: not sc", told[-1])
+    assert "not scored: the run ended before all of its tests had" in told[-1]
+    assert main(["compare", "early", "before"]) == 4
+    lacks = "early ended before all of its tests had, and lacks steady"
+    assert f"NOT COMPARED with early: {lacks}" in capsys.readouterr().out
+    assert main(["bless", "early", "--reason", "why"]) == 4
+    assert "early is incomplete: it ended before all of its tests had." in capsys.readouterr().err
+    assert main(["-p", "conftest.py", "limits", "--run", "early", "--agent", "steady"]) == 4
+    assert "'early' is incomplete: it ended before all of its tests had, so" in capsys.readouterr().err
+    told = refused(folder, driven, "--drive-compare=early")
+    assert f"this run could not be compared with early: {lacks}" in told
+    assert run(folder, "--drive-compare=early", "-k", "throttle-0.9 and not 100").ret == 0  # all of this is in it
 
 
 def test_a_run_whose_last_test_failed_is_complete_with_x_too(suite):

@@ -183,6 +183,11 @@ def test_the_header_shows_the_effective_choices(suite):
     result.stdout.fnmatch_lines([f"drive-robust: agent=steady sim=fake {settled}"])
 
 
+def test_the_header_tells_where_nobody_named_an_agent(suite):
+    result = run(suite(GREEN), "-o", "drive_agent=", "--collect-only")
+    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (nobody named one) sim=fake *"])
+
+
 def test_a_route_file_of_the_ini_file_starts_from_the_root_folder(suite, monkeypatch):
     folder = suite(GREEN)
     monkeypatch.chdir(folder.mkdir("below"))
@@ -298,6 +303,36 @@ def test_it(drive):
     assert result.ret == 0
     result.assert_outcomes(passed=1)
     assert driven() == sorted(["1 0", "2 0", "3 0"] * 5)
+
+
+@pytest.mark.parametrize(
+    ("call", "told", "args"),
+    [
+        ("with ThreadPoolExecutor() as pool: pool.map(drive.check, STATED)", "DS under throttle 0.3 = 35.85, ", ()),
+        ("with suppress(BaseException): drive.check(STATED[0])", "DS under throttle 0.3 = 35.85, ", ("-n2",)),
+        (
+            "with suppress(BaseException): drive.ds('clean')",
+            "ERROR: not judged: DS under clean",
+            ("--drive-sim=broken",),
+        ),
+        ("drive.ds('clean')", None, ()),
+    ],
+)
+def test_a_test_that_keeps_to_itself_what_drive_raised_is_named(suite, call, told, args):
+    test = f"""
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pytest_drive_robust import requirements
+
+STATED = requirements("DS under throttle 0.3 >= 60")
+
+def test_it(drive):
+    {call}
+"""
+    result = run(suite(test=test), *args)
+    assert result.ret == 0
+    warning = "warning: test_suite.py::test_it passed although it was told: "
+    assert (f"{warning}{told}" in " ".join(result.outlines)) is (told is not None)
 
 
 @processes
@@ -498,6 +533,27 @@ def test_progress_is_a_few_plain_lines_where_there_is_no_terminal(suite):
 def test_quiet_runs_write_no_progress(suite):
     result = run(suite(GREEN), "-q")
     result.stdout.no_fnmatch_line("drive-robust: steady under*")
+
+
+@pytest.mark.parametrize(
+    ("asked", "world", "told"),
+    [
+        ("'throttle 0.3'", "fake", None),
+        ("'throttle 1.0'", "fake", "throttle 1 changed nothing in all 3 episodes of agent 'steady'"),
+        ("'throttle 0.3'", "broken", "3 of 3 episodes ended with infra_error and are never scored"),
+        ("'throttle 0.3', broken=True", "broken", None),
+    ],
+)
+def test_episodes_that_tell_nothing_of_the_agent_are_an_error_where_a_test_reads_them(suite, asked, world, told):
+    test = f"""
+def test_no_collision(drive):
+    assert not any(result.infractions for result in drive.episodes({asked}))
+"""
+    result = run(suite(test=test), "--drive-sim", world)
+    assert result.ret == (1 if told else 0)
+    if told:
+        result.assert_outcomes(errors=1)
+        result.stdout.fnmatch_lines([f"ERROR: not judged: the episodes under {asked[1:13]}*", f"*{told}*"])
 
 
 @processes

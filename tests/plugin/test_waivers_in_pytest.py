@@ -96,6 +96,46 @@ def test_a_test_of_unittest_is_waived_too(waived, workers):
     result.stdout.no_fnmatch_line("*FAILED*")
 
 
+SEVERAL = """
+import pytest
+from pytest_drive_robust import requirements
+
+def test_several(drive):
+    for stated in requirements({sentences}):
+        drive.check(stated)
+"""
+
+
+def test_what_a_test_checks_after_a_waived_requirement_is_judged(waived):
+    result = run(waived(test=SEVERAL.format(sentences=f"{RED!r}, 'DS under throttle 0.4 >= 99'")))
+    assert result.ret == 1
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines("DS under throttle 0.4 = *, limit >= 99 *")
+
+
+def test_a_test_in_which_only_what_is_waived_was_broken_is_an_xfail(waived):
+    result = run(waived(test=SEVERAL.format(sentences=f"{RED!r}, {GREEN!r}")))
+    assert result.ret == 0
+    result.assert_outcomes(xfailed=1)
+    result.stdout.fnmatch_lines(["steady  clean *  pass", "XFAIL *::test_several - waived by kim until 2999-01-01: *"])
+
+
+@pytest.mark.parametrize(
+    "test",
+    [
+        "@pytest.mark.xfail(strict=True)\ndef test_it(drive): drive.check(REQUIREMENT)",
+        "@pytest.fixture\ndef checked(drive): drive.check(REQUIREMENT)\n\ndef test_it(checked): pass",
+    ],
+    ids=["expected", "in-a-fixture"],
+)
+def test_a_waived_requirement_is_an_xfail_wherever_it_is_checked(waived, test):
+    head = f"import pytest\nfrom pytest_drive_robust import requirements\n(REQUIREMENT,) = requirements({RED!r})\n\n"
+    result = run(waived(test=head + test))
+    assert result.ret == 0
+    result.assert_outcomes(xfailed=1)
+    result.stdout.fnmatch_lines("XFAIL *::test_it - waived by kim until 2999-01-01: new planner")
+
+
 def test_a_test_of_unittest_names_a_waiver_that_has_expired(waived):
     result = run(waived(test=TEST_CASE, expires="2001-01-01"))
     assert result.ret == 1

@@ -139,6 +139,7 @@ def test_runs_are_found_from_a_folder_below(monkeypatch: pytest.MonkeyPatch) -> 
         (["baseline", "before"], "no baseline was blessed yet"),
         (["before", "before"], "A and B are both 'before', and no run is worse than itself"),
         (["before", "latest"], "A and B are both 'before'"),
+        (["before", ".drive-robust/runs/before.json"], "A and B are both '.drive-robust/runs/before.json'"),
         (["before", "before", "--fail-on", "ds"], "--fail-on is 'ds'"),
         (["before", "before", "--verdict", "evidnce"], "Did you mean 'evidence'"),
         (["before", "before", "--on-mismatch", "wrn"], "Did you mean 'warn'"),

@@ -38,8 +38,11 @@ def test_the_limits_to_begin_with_are_those_that_ship_for_every_agent_without_it
 @pytest.mark.parametrize(
     ("service", "name"), [("github", ".github/workflows/robustness.yml"), ("gitlab", ".gitlab-ci.yml")]
 )
-def test_it_writes_the_workflow_that_the_documentation_shows(service: str, name: str) -> None:
+def test_it_writes_the_workflow_that_the_documentation_shows(
+    service: str, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     assert main(["init", "--ci", service]) == 0
+    assert "the workflow drives the agent that drive_agent names in pytest.ini or" in capsys.readouterr().out
     assert written() == sorted([*FILES, name])
     text = Path(name).read_text(encoding="utf-8")
     assert isinstance(yaml.safe_load(text), dict)

@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import os
+from datetime import datetime, timezone
 
 import pytest
 from stored_runs import store_run
 
 from pytest_drive_robust.cli.main import main
+from pytest_drive_robust.regression import clock
 
 pytestmark = pytest.mark.usefixtures("home")
+
+
+def test_the_latest_run_is_the_one_that_was_stored_last_though_an_older_one_was_copied_since(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for day, name, factor in ((26, "good", 1.0), (28, "bad", 0.5), (27, "between", 1.0)):
+        monkeypatch.setattr(clock, "now", lambda day=day: datetime(2026, 11, day, tzinfo=timezone.utc))
+        store_run(name, factor=factor)
+    assert main(["compare", "good", "latest"]) == 1
+    assert "-> bad (" in capsys.readouterr().out
 
 
 def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.CaptureFixture[str]) -> None:

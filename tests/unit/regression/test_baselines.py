@@ -23,6 +23,7 @@ from pytest_drive_robust.regression.baselines import (
     read_baseline,
 )
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.references import References
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 
 SIGNATURE = Blessing("2026-11-21", "first baseline", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
@@ -245,6 +246,26 @@ def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, 
     blessed.path.write_text(text.replace(was, now))
     with pytest.raises(UsageError, match=r"driver\.json' is not a baseline: "):
         read_baseline(blessed.path)
+
+
+def test_a_route_that_a_merge_left_twice_is_refused(tmp_path: Path) -> None:
+    (blessed,) = bless(snapshot(cell([90.0])), tmp_path, SIGNATURE, environ={})
+    (line,) = [line for line in blessed.path.read_text().splitlines() if '"ds": 90.0' in line]
+    both = f"{line},\n{line.replace('90.0', '40.0')}"
+    blessed.path.write_text(blessed.path.read_text().replace(line, both))
+    with pytest.raises(UsageError, match=r"driver\.json' is not a baseline: ValueError: '1' stands there twice"):
+        read_baseline(blessed.path)
+
+
+def test_a_copy_beside_a_baseline_is_refused(tmp_path: Path) -> None:
+    bless(snapshot(cell([90.0])), tmp_path, SIGNATURE, environ={})
+    copy = tmp_path / "driver_old.json"
+    copy.write_text((tmp_path / "driver.json").read_text().replace('"ds": 90.0', '"ds": 40.0'))
+    for reference in ("baseline", "baseline:driver", "auto"):
+        with pytest.raises(UsageError, match="more than one file of the agent 'driver'"):
+            References(tmp_path, tmp_path).load(reference)
+    copy.rename(tmp_path / "driver_old.json.bak")
+    assert References(tmp_path, tmp_path).load("baseline").cells["driver", "clean"].routes["1"].ds == 90.0
 
 
 def test_baselines_of_two_agents_do_not_merge() -> None:

@@ -47,6 +47,11 @@ def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
     assert "| RD under wild &lt;= 0.30 | star\\* | 0.3003 |" in step_summary(run_of(close))
 
 
+def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
+    told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but the run ended early"
+    assert step_summary(replace(run_of(WILD), ended_early=True)).splitlines()[0] == told
+
+
 def test_a_run_that_asked_for_nothing_writes_nothing(tmp_path: Path) -> None:
     append_step_summary(run_of(), {VARIABLE: str(tmp_path / "summary.md")})
     assert list(tmp_path.iterdir()) == []

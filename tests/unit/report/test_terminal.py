@@ -172,6 +172,40 @@ def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():
     assert "machines" not in run_summary(anywhere, colour=False)
 
 
+@pytest.mark.parametrize(
+    ("metric", "comparison", "word", "told"),
+    [
+        ("RD", ">=", "pass", "is passed by the worse of two agents, as less RD is better: was '<=' meant?"),
+        ("DS", "<=", "pass", "is passed by the worse of two agents, as more DS is better: was '>=' meant?"),
+        ("RD", ">=", "fail", None),
+        ("RD", "<=", "pass", None),
+        ("efficiency", "<=", "pass", None),
+    ],
+)
+def test_a_requirement_that_a_worse_agent_passes_is_told_of_where_it_was_passed(metric, comparison, word, told):
+    stated = replace(verdict("clean", word), requirement="STATED", metric=metric, comparison=comparison)
+    run = run_of(("clean", [scored("1", 100.0)]), judged=[stated, replace(stated, agent="other")])
+    text = " ".join(run_summary(run, colour=False).split())
+    assert text.count("warning: STATED") == (told is not None)
+    assert told is None or f"warning: STATED {told}" in text
+
+
+@pytest.mark.parametrize(("metric", "limit", "told"), [("DS", 0.6, True), ("DS", 1.0, False), ("SR", 0.6, False)])
+def test_a_driving_score_that_was_asked_for_as_a_share_is_told_of(metric, limit, told):
+    stated = replace(verdict("clean", "pass"), requirement="STATED", metric=metric, comparison=">=", limit=limit)
+    text = " ".join(run_summary(run_of(("clean", [scored("1", 2.0)]), judged=[stated]), colour=False).split())
+    assert ("warning: STATED is hardly a limit, as DS is 0 to 100: was 60 meant?" in text) is told
+
+
+def test_of_many_requirements_that_hardly_ask_for_anything_ten_are_named():
+    stated = replace(verdict("clean", "pass"), metric="DS", comparison=">=", limit=0.6)
+    judged = [replace(stated, requirement=f"STATED-{number}-") for number in range(12)]
+    text = " ".join(run_summary(run_of(("clean", [scored("1", 2.0)]), judged=judged), colour=False).split())
+    assert "STATED-9-" in text
+    assert "STATED-10-" not in text
+    assert "warning: and 2 more requirements like these" in text
+
+
 def test_a_simulation_error_has_no_numbers():
     run = run_of(("clean", [crashed_simulation("1")]), judged=[verdict("clean", "error")])
     text = run_summary(run, colour=False)
