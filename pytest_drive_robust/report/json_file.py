@@ -48,15 +48,15 @@ def run_as_json(run: RunResult) -> dict[str, object]:
 
 
 def comparison_as_json(comparison: Comparison) -> dict[str, object]:
-    """Return what comparing two runs found, as plain JSON types."""
-    terms = comparison.terms
+    """Return what comparing two runs found, as plain JSON types; of one that is refused no verdicts, but why."""
+    terms, refused = comparison.terms, [item.text for item in comparison.refusals]
     document = {
         "label": comparison.before.label,
         "terms": {"fail_on": list(map(str, terms.allowances)), "verdict": terms.kind, "on_mismatch": terms.policy},
         "conclusion": conclusion(comparison),
-        "refused": [item.text for item in comparison.refusals],
-        "regressed": comparison.regressed,
-        "cells": [_compared(cell) for cell in comparison.cells],
+        "refused": refused,
+        "regressed": None if refused else comparison.regressed,
+        "cells": [] if refused else [_compared(cell) for cell in comparison.cells],
         "unscored": comparison.unscored,
     }
     return {key: _finite(value) for key, value in document.items()}

@@ -79,6 +79,10 @@ def test_other_routes_are_refused_unless_allowed(capsys: pytest.CaptureFixture[s
     shown = capsys.readouterr().out
     assert "NOT COMPARED with a: 40 of 40 routes are others by the same id" in shown
     assert "DS" not in shown.splitlines()[1]
+    assert main(["compare", "a", "b", "--json", "found.json"]) == 4
+    found = json.loads(Path("found.json").read_text())
+    assert (found["regressed"], found["cells"]) == (None, [])
+    assert "40 of 40 routes are others by the same id" in found["refused"][0]
     assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
 
 
