@@ -185,7 +185,7 @@ def _mistaken(run: RunResult) -> list[str]:
                 f"warning: {judged.requirement} is passed by the worse of two agents, as {meant} {judged.metric} is "
                 f"better: was '{better}' meant?"
             )
-        elif judged.metric == "DS" and judged.limit < 1.0:
+        elif judged.metric == "DS" and 0.0 < judged.limit < 1.0:
             lines.append(
                 f"warning: {judged.requirement} is hardly a limit, as DS is 0 to 100: was {100.0 * judged.limit:g} "
                 "meant?"
