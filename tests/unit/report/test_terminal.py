@@ -190,7 +190,9 @@ def test_a_requirement_that_a_worse_agent_passes_is_told_of_where_it_was_passed(
     assert told is None or f"warning: STATED {told}" in text
 
 
-@pytest.mark.parametrize(("metric", "limit", "told"), [("DS", 0.6, True), ("DS", 1.0, False), ("SR", 0.6, False)])
+@pytest.mark.parametrize(
+    ("metric", "limit", "told"), [("DS", 0.6, True), ("DS", 1.0, False), ("DS", 0.0, False), ("SR", 0.6, False)]
+)
 def test_a_driving_score_that_was_asked_for_as_a_share_is_told_of(metric, limit, told):
     stated = replace(verdict("clean", "pass"), requirement="STATED", metric=metric, comparison=">=", limit=limit)
     text = " ".join(run_summary(run_of(("clean", [scored("1", 2.0)]), judged=[stated]), colour=False).split())
