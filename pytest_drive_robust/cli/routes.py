@@ -83,7 +83,7 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
 
 def _routes_of_world(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
     """Return routes as a run with this `--drive-sim` names them, which may have its own."""
-    asked = options.routes or DEFAULT_ROUTES
+    asked = DEFAULT_ROUTES if options.routes is None else options.routes
     if options.sim == OPTIONS["--drive-sim"].default:
         return asked, resolve_routes(asked)
     from pytest_drive_robust.registry.registry import default_registry

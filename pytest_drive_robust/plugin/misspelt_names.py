@@ -1,4 +1,7 @@
-"""Names that pytest lets pass, and that would have another agent judged: ini keys, marks and our hook. And options."""
+"""Misspelt names of ours: ini keys, marks and our hook, which pytest lets pass, and options, which it only refuses.
+
+What was meant is lost with each: another agent would be judged.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ _CLOSE = 0.8
 
 
 def refuse_unknown_options(parser: pytest.Parser, args: Sequence[str]) -> None:
-    """Raise `UsageError` for an option that begins as ours do and that nobody added: pytest names no other."""
+    """Raise `UsageError` for an option that begins as ours do and that nobody added."""
     _, unknown = parser.parse_known_and_unknown_args(args)
     for word in unknown:
         flag = word.partition("=")[0]

@@ -134,8 +134,8 @@ def _drive(
         injected = _injected(run_folder.work(route) / _INJECTED_LOG)
         if record is not None and _is_innocent(record, ended, log):
             trouble, record = f"{record.status}, after the CARLA server was lost", None
-        if record is not None and not _shows(setup.setting, record, injected):
-            _refuse_unseen(setup.setting, injected)
+        if record is not None and not _was_injected(setup.setting, record, injected):
+            _refuse_unreached(setup.setting, injected)
             trouble, record = f"{record.status}, but nothing tells that {str(setup.setting)!r} was injected", None
         if record is not None:
             _keep(run_folder, route)
@@ -154,7 +154,7 @@ def read_finished(run_folder: RunFolder, route: str, setting: Setting) -> Driven
         return None
     record, trouble = _reading(path, route, Attempt(0, "", 0.0))
     injected = _injected(run_folder.injected(route))
-    if record is not None and not _shows(setting, record, injected):
+    if record is not None and not _was_injected(setting, record, injected):
         told = f"{str(run_folder.injected(route))!r} does not tell that {str(setting)!r} was injected"
         trouble, record = told, None
     if record is None:
@@ -299,13 +299,13 @@ def _injected(path: Path) -> Mapping[str, object]:
     return told if isinstance(told, dict) else {}
 
 
-def _shows(setting: Setting, record: OfficialRecord, injected: Mapping[str, object]) -> bool:
+def _was_injected(setting: Setting, record: OfficialRecord, injected: Mapping[str, object]) -> bool:
     """Return True when the agent was given what fails, or broke, which it may have done before its first tick."""
     broke = STATUSES[record.status][0] is Outcome.AGENT_ERROR
     return setting.is_clean or broke or bool(injected.get("injected_ticks"))
 
 
-def _refuse_unseen(setting: Setting, injected: Mapping[str, object]) -> None:
+def _refuse_unreached(setting: Setting, injected: Mapping[str, object]) -> None:
     """Raise `UsageError` where the agent drove past the injection: another try would end the same."""
     if injected.get("ticks"):
         raise UsageError(

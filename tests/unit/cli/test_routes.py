@@ -43,6 +43,9 @@ def test_a_world_lists_routes_of_its_own(capsys: pytest.CaptureFixture[str]) -> 
     assert rows[1].split()[:4] == ["roundabout-v0-1", "roundabout-v0", world, "-"]
     assert main(["routes", "list", "roundabout-v0-42", "--sim", world]) == 0
     assert "1 route" in capsys.readouterr().out
+    for given in ([""], ["", "--sim", world]):
+        assert main(["routes", "list", *given]) == 4
+        assert "no routes were named" in capsys.readouterr().err
     assert main(["routes", "list", "roundabot-v0-1", "--sim", world]) == 4
     assert "Did you mean 'roundabout-v0-1'?" in capsys.readouterr().err
 
