@@ -22,6 +22,7 @@ from pytest_drive_robust.report.json_file import comparison_as_json
 from pytest_drive_robust.store.whole_file import write_whole
 
 _known_rule = one_of(VERDICT_KINDS, "verdict rule")
+_known_mode = one_of(("warn", "fail"), "way to treat inconclusive verdicts")
 _DESCRIPTION = """Judges whether run B is worse than run A. Runs of different machines and versions compare exactly in
 the embedded world, for agents that promise the same bits everywhere (blind, classical, constant, expert, random,
 reactive). What other agents compute depends on the processor and on versions: their records tell both, and the
@@ -47,6 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="evidence, list, point, or auto: evidence, but the list below 20 routes of the same seeds",
     )
     add_pytest_option(parser, "--on-mismatch")
+    add_pytest_option(parser, "--inconclusive", help="what an open verdict on changed scores does: warn or fail")
     add_pytest_option(parser, "--json", help="write what was found to FILE")
     add_baselines(parser)
     parser.set_defaults(command=_compare)
@@ -57,6 +59,7 @@ def _compare(options: argparse.Namespace) -> int:
         allowances=parse_allowances(options.fail_on, source="--fail-on"),
         kind=_known_rule(GivenText("--verdict", options.verdict)),
         policy=parse_policy(GivenText("--on-mismatch", options.on_mismatch)),
+        open_fails=_known_mode(GivenText("--inconclusive", options.inconclusive)) == "fail",
     )
     path = writable_file(GivenText("--json", options.json))
     references = references_of(options)

@@ -32,10 +32,10 @@ class RegressionChecks:
     def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
         self._regression = regression
         self._waivers = waivers
-        self._open_fails = options.inconclusive == "fail"
         self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
         self._references = References(regression.home, regression.baselines)
-        self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy)
+        open_fails = options.inconclusive == "fail"
+        self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy, open_fails)
         self._before = self._load(options.simulator) if regression.compare else None
         # the pages show its replays, too; None for a baseline, which holds scores only
         wanted = self._before is not None and options.report_path is not None
@@ -56,7 +56,7 @@ class RegressionChecks:
 
     def finish(self, run: RunResult, *, whole: bool) -> bool:
         """Store, compare, review. True when the run must not be green. `whole`: every test was selected and ran."""
-        self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._open_fails)
+        self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._terms.open_fails)
         if not run.episodes:
             return False  # the owner of the run says so
         red = any(not self._waived(judged) for judged in run.late)  # their tests were over before they failed
@@ -129,11 +129,7 @@ class RegressionChecks:
         except DriveRobustError as error:
             self._lines.append(f"ERROR: not compared with {before.label}: {error}")
             return True
-        return bool(self.comparison.refusals) or self.comparison.regressed or self._is_open(self.comparison)
-
-    def _is_open(self, comparison: Comparison) -> bool:
-        """Return whether something changed, it is open what that means, and such a verdict was asked to be red."""
-        return self._open_fails and any(cell.is_open for cell in comparison.cells)
+        return bool(self.comparison.refusals) or self.comparison.regressed
 
 
 def _is_complete(document: Mapping[str, object]) -> bool:

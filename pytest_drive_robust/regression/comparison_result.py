@@ -16,12 +16,14 @@ _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 class Terms:
     """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match.
 
-    `kind` is `"evidence"`, `"list"`, `"point"`, or `"auto"`: by the routes and seeds that both runs hold.
+    `kind` is `"evidence"`, `"list"`, `"point"`, or `"auto"`: by the routes and seeds that both runs hold. `open_fails`
+    says that the new run must not pass where scores changed and it is open what that means.
     """
 
     allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
     kind: str = "auto"
     policy: MismatchPolicy = "default"
+    open_fails: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,6 +145,11 @@ class Comparison:
         return tuple(cell for cell in self.cells if cell.verdict == "fail")
 
     @property
+    def open(self) -> tuple[CellComparison, ...]:
+        """The settings in which scores changed and it is open what that means."""
+        return tuple(cell for cell in self.cells if cell.is_open)
+
+    @property
     def unjudged(self) -> tuple[str, ...]:
         """`"AGENT under SETTING: REASON"` for each setting that could not be judged."""
         errors = (
@@ -155,7 +162,7 @@ class Comparison:
     @property
     def regressed(self) -> bool:
         """True when the new run must not pass for as good as the old one, if the two can be compared."""
-        return bool(self.regressions or self.unjudged)
+        return bool(self.regressions or self.unjudged or (self.terms.open_fails and self.open))
 
     @property
     def mean_rises(self) -> dict[str, Rise]:

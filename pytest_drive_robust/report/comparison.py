@@ -53,6 +53,9 @@ def conclusion(comparison: Comparison) -> str:
         return f"{told}; {len(unjudged)} not judged" if unjudged else told
     if unjudged:
         return f"NOT JUDGED: {len(unjudged)} of {count} against {label}: {_first_of(unjudged)}"
+    if comparison.terms.open_fails and comparison.open:
+        unclear = [f"{cell.agent} under {cell.setting}" for cell in comparison.open]
+        return f"INCONCLUSIVE: {len(unclear)} of {count} against {label}: {_first_of(unclear)}"
     part = _part(comparison)
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
         if part:

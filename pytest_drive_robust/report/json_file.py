@@ -52,7 +52,12 @@ def comparison_as_json(comparison: Comparison) -> dict[str, object]:
     terms, refused = comparison.terms, [item.text for item in comparison.refusals]
     document = {
         "label": comparison.before.label,
-        "terms": {"fail_on": list(map(str, terms.allowances)), "verdict": terms.kind, "on_mismatch": terms.policy},
+        "terms": {
+            "fail_on": list(map(str, terms.allowances)),
+            "verdict": terms.kind,
+            "on_mismatch": terms.policy,
+            "inconclusive": "fail" if terms.open_fails else "warn",
+        },
         "conclusion": conclusion(comparison),
         "refused": refused,
         "regressed": None if refused else comparison.regressed,

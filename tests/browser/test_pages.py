@@ -243,7 +243,7 @@ def judged_as(verdict, value, *, metric="DS", limit=50.0, comparison=">=", agent
     return Judged(*scope, verdict, value, **told)
 
 
-def report_of(folder, *results, judged=(), simulator="embedded"):
+def report_of(folder, *results, judged=(), simulator="embedded", ended_early=False):
     """Write the pages of a run of any settings and agents."""
     found = {str(result.episode): result for result in results}
     keys: dict[tuple[str, str], list[str]] = {}
@@ -251,7 +251,8 @@ def report_of(folder, *results, judged=(), simulator="embedded"):
         keys.setdefault((result.episode.agent, result.episode.setting), []).append(key)
     needed = [EpisodesNeeded(agent, "one-per-scenario", name, (0,), tuple(of)) for (agent, name), of in keys.items()]
     run = RunResult.of(RunOptions(simulator=simulator), [*needed, *judged, Used(tuple(found))], found.get, versions={})
-    records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="made up")
+    document = run_as_json(replace(run, ended_early=ended_early))
+    records = RunRecords.of(document, found.get, default_registry(), label="made up")
     return write_pages(folder, records).parent
 
 
@@ -384,6 +385,11 @@ def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
     page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("inconclusive", 50.0)])).go()
     assert text(page) == "0 of 1 requirement holds, 1 inconclusive"
     assert text(page, ".badge.inconclusive") == "~ inconclusive"
+
+
+def test_a_run_with_tests_left_does_not_look_like_a_whole_one(opened, tmp_path):
+    page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 60.0)], ended_early=True)).go()
+    assert text(page) == "The requirement holds, but the run ended early"
 
 
 def test_an_interval_of_rd_ends_as_in_the_terminal(opened, tmp_path):

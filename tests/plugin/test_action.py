@@ -285,11 +285,11 @@ def test_a_folder_below_the_root_of_pytest_and_any_name_of_a_branch_are_compared
     for name in ("conftest.py", "test_suite.py", "routes.xml"):
         (job.folder / name).rename(below / name)
     inputs = {**INPUTS, "folder": "driving"}
-    branch = {"GITHUB_REF_NAME": "plan.json"}
-    change = {**pull_request(job), "GITHUB_BASE_REF": "plan.json"}
+    branch = {"GITHUB_REF_NAME": "plan/a.json"}
+    change = {**pull_request(job), "GITHUB_BASE_REF": "plan/a.json"}
     assert job.run(inputs, **change)[0]["Verdict"] == 0
     assert "no run of the base branch is cached, so nothing is compared with it" in job.drove
     assert job.run(inputs, **branch)[0]["Verdict"] == 0
-    assert (below / ".drive-robust" / "runs" / "branch-plan-json.json").is_file()
+    assert (below / ".drive-robust" / "runs" / "branch-plan+a-json.json").is_file()
     _, summary = job.run(inputs, **change)
-    assert "against branch-plan-json" in summary
+    assert "against branch-plan+a-json" in summary

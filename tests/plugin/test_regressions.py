@@ -420,7 +420,9 @@ def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(suite):
     jsonschema.validate(document, run_schema())
     comparison = document["comparison"]
     assert [cell["verdict"] for cell in comparison["cells"]] == ["inconclusive"]
-    assert run(folder, *found, "--drive-inconclusive=fail").ret == 1
+    result = run(folder, *found, "--drive-inconclusive=fail")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["INCONCLUSIVE: 1 of 1 setting against before: steady under throttle 0.9"])
 
 
 def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite, driven):

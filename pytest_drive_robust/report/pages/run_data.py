@@ -38,6 +38,7 @@ def run_data(
         table.add(before, flipped(comparison, before), run=1)
     return {
         "label": records.label,
+        "endedEarly": document.get("ended_early", False),
         "stored": document.get("stored") or {},
         "options": document["settings"],
         "versions": document.get("versions", {}),

@@ -44,9 +44,25 @@ def test_what_was_found_is_written_for_machines(tmp_path: Path) -> None:
     assert main(["compare", "a", "b", "--fail-on", "ds:-3%", "--json", str(file)]) == 1
     found = json.loads(file.read_text())
     assert (found["label"], found["regressed"], found["refused"]) == ("a", True, [])
-    assert found["terms"] == {"fail_on": ["ds:-3%"], "verdict": "auto", "on_mismatch": "default"}
+    terms = {"fail_on": ["ds:-3%"], "verdict": "auto", "on_mismatch": "default", "inconclusive": "warn"}
+    assert found["terms"] == terms
     assert found["conclusion"].startswith("REGRESSION: 1 of 2 settings against a")
     assert {cell["setting"]: cell["verdict"] for cell in found["cells"]} == {"clean": "pass", "200 ms latency": "fail"}
+
+
+def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    store_run("b", factor=0.95)
+    words = ["compare", "a", "b", "--verdict", "evidence"]
+    assert main(words) == 0
+    assert "no regression shown in 2 settings against a, 2 inconclusive" in capsys.readouterr().out
+    assert main([*words, "--inconclusive", "fail", "--json", "found.json"]) == 1
+    told = "INCONCLUSIVE: 1 of 2 settings against a: driver under 200 ms latency"
+    assert told in capsys.readouterr().out
+    found = json.loads(Path("found.json").read_text())
+    assert (found["regressed"], found["conclusion"], found["terms"]["inconclusive"]) == (True, told, "fail")
+    assert main([*words, "--inconclusive", "skip"]) == 4
+    assert "there is no way to treat inconclusive verdicts named 'skip'" in capsys.readouterr().err
 
 
 def test_a_rule_that_there_is_not_names_the_option_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
