@@ -492,6 +492,41 @@ def drive_setting_classes():
     )
 
 
+RED_LIGHTS = """
+
+class RedLights(LoggedSimulator):
+    def step(self, control):
+        self.is_weak = control.throttle < 1.0
+        return super().step(control)
+
+    def score(self):
+        from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
+        found = super().score()
+        return replace(found, infractions=(Infraction(InfractionKind.RED_LIGHT, 5, "red"),)) if self.is_weak else found
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("lights", lambda options: RedLights(replace(options, tick_cap=90)))
+"""
+
+
+def test_a_measured_value_at_the_limit_keeps_to_it_as_a_requirement_does(suite):
+    test = """
+from pytest_drive_robust import requirements
+
+def test_of_one_light(drive):
+    (requirement,) = requirements("RD under throttle 0.99 <= 0.30")
+    assert drive.check(requirement).value != 0.30, "1 - 70 / 100 is 0.30000000000000004"
+    assert drive.rd("throttle 0.99") <= 0.30
+    assert drive.rd("throttle 0.99") >= 0.30
+    assert drive.ds("throttle 0.99") == 70.0
+"""
+    result = run(suite(test=test, conftest=RED_LIGHTS), "--drive-sim", "lights")
+    result.assert_outcomes(passed=1)
+
+
 def test_a_marker_pins_agent_seeds_and_routes(suite, driven):
     test = """
 import pytest
