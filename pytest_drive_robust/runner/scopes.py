@@ -91,10 +91,16 @@ class Scopes:
         """Return what its agent and its routes are made of. Raises `UsageError` for weights that do not read."""
         return identify(scope, self._registry)
 
-    def check(self) -> None:
-        """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
-        self._registry.require("simulators", self._options.simulator)
-        self.of(MarkerOptions())
+    def check(self, marked: MarkerOptions | None = None) -> None:
+        """Raise `UsageError` when the run's own agent, simulator or routes cannot be used.
+
+        What nobody asks for need not be there: where the run names no agent, or no routes, and every test does by its
+        marker, those of `marked` stand for them.
+        """
+        options, marked = self._options, marked or MarkerOptions()
+        self._registry.require("simulators", options.simulator)
+        agent, routes = (None if options.agent_given else marked.agent), (None if options.routes_given else marked.routes)
+        self.of(MarkerOptions(agent=agent, routes=routes))
 
     def setting(self, sentence: str) -> Setting:
         """Return the setting that is called so. Raises `UsageError`."""

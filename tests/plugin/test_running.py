@@ -542,6 +542,60 @@ def test_pinned(drive):
     assert driven() == ["2 4", "2 5"]
 
 
+@pytest.mark.parametrize(
+    ("args", "marks", "told"),
+    [
+        ((), 2, ""),
+        ((), 1, "its weights are not there"),
+        (("--drive-agent", "tcp"), 2, "its weights are not there"),
+        (("--drive-agent", "steady", "--drive-routes", "dev10"), 2, "10 of 10 routes cannot be driven:"),
+    ],
+    ids=["nobody asks for them", "a test without a marker does", "the run names the agent", "the run names the routes"],
+)
+def test_an_agent_and_routes_that_nobody_asks_for_need_not_be_there(suite, args, marks, told):
+    absent = """
+
+class OneTown(LoggedSimulator):
+    def check_route(self, route):
+        if route.town != "Straight":
+            from pytest_drive_robust.errors import RouteError
+            raise RouteError(f"no town {route.town}")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+
+    def tcp():
+        pass
+
+    def check():
+        from pytest_drive_robust.errors import UsageError
+        raise UsageError("its weights are not there")
+
+    tcp.check = check
+    registry.register_agent("tcp", tcp)
+    registry.register_simulator("one-town", lambda options: OneTown(replace(options, tick_cap=60)))
+"""
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+def test_first(drive):
+    drive.check(requirement("DS") >= 1)
+
+def test_second(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    for name in ("first", "second")[:marks]:
+        test = test.replace(f"def test_{name}", f"@NAMED\ndef test_{name}")
+    test = test.replace("@NAMED", '@pytest.mark.drive_robust(agent="steady", routes="routes.xml")')
+    unsaid = ("-o", "drive_agent=", "-o", "drive_routes=", "--drive-sim", "one-town")
+    result = run(suite(test=test, conftest=absent), *unsaid, *args)
+    assert result.ret == (4 if told else 0)
+    result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
+
+
 def test_what_a_requirement_measured_reaches_junit(suite):
     folder = suite(RED)
     run(folder, "--junitxml", "junit.xml")
