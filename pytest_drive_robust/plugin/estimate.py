@@ -7,7 +7,6 @@ import math
 from pytest_drive_robust.report.numbers import counted, interval_text
 from pytest_drive_robust.verdict.evaluate import Verdict
 
-
 _DECIMALS = 9
 _ROUNDING = 1e-12
 """Of 0.30000000000000004, which is 1 - 70 / 100, what is beyond 0.30 is no degradation."""

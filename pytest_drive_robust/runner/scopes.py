@@ -99,7 +99,10 @@ class Scopes:
         """
         options, marked = self._options, marked or MarkerOptions()
         self._registry.require("simulators", options.simulator)
-        agent, routes = (None if options.agent_given else marked.agent), (None if options.routes_given else marked.routes)
+        agent, routes = (
+            (None if options.agent_given else marked.agent),
+            (None if options.routes_given else marked.routes),
+        )
         self.of(MarkerOptions(agent=agent, routes=routes))
 
     def setting(self, sentence: str) -> Setting:
