@@ -106,8 +106,15 @@ def _drive_here(
     shared: bool,
 ) -> None:
     scopes, executor = backend_for(config, options, execution, shared=shared, store=store, ticked=observer.ticked)
+    keeps = options.store != "off"  # for other runs, which know the episodes of an agent by its keys
     campaign = Campaign(
-        store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
+        store,
+        executor,
+        observer,
+        metrics=options.metrics,
+        whole=regression.drives_all,
+        budget_s=execution.budget_s,
+        require_unchanged=scopes.require_unchanged if keeps else lambda agent: None,
     )
     config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign, waivers)
     config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
