@@ -44,7 +44,7 @@ def check_severities(setting: Setting, dt_s: float) -> None:
 
 
 def _states_of_weights(factory: object) -> tuple[tuple[int, ...], ...]:
-    """Return what changes when one of the files is written that a factory calls `weights`: inode, time, size."""
+    """Return what changes when one of the files is written that a factory calls `weights`: its time and its size."""
     named: Any = getattr(factory, "weights", None)
     several = named if isinstance(named, (list, tuple)) else (named,)
     states = []
@@ -53,7 +53,7 @@ def _states_of_weights(factory: object) -> tuple[tuple[int, ...], ...]:
             found = os.stat(file)
         except (OSError, TypeError, ValueError):  # whoever reads it says so
             continue
-        states.append((found.st_ino, found.st_mtime_ns, found.st_size))
+        states.append((found.st_mtime_ns, found.st_size))
     return tuple(states)
 
 
