@@ -167,6 +167,27 @@ def own():
     assert rerun("--drive-agent=named_module:own")[0] == 6
 
 
+def test_code_that_cannot_be_known_is_driven_by_every_run_of_one_process(suite, driven):
+    holding = """
+
+def holding(handle):
+    def make():
+        assert handle is not None
+        return steady()
+    return make
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_agent("holding", holding(iter("what an iterator gives, nobody can compare")))
+"""
+    folder = suite("DS under clean >= 60", conftest=holding)
+    for count in (3, 6):
+        assert folder.runpytest_inprocess("--drive-robust", "--drive-agent", "holding").ret == 0
+        assert len(driven()) == count
+
+
 RETRAINED = """
 
 class Learned(ScriptedAgent):
