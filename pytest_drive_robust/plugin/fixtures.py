@@ -40,9 +40,9 @@ def uses_drive(item: pytest.Item) -> bool:
 
     A project may have a fixture of its own called so, of a disk or a robot: its tests are none of ours.
     """
-    known = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", {})
+    known = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
     asked = _FIXTURES.intersection(getattr(item, "fixturenames", ()))
-    return any(_is_ours(name, known.get(name, ())) for name in asked)
+    return any(known is None or _is_ours(name, known.get(name, ())) for name in asked)
 
 
 def _is_ours(name: str, definitions: Sequence[pytest.FixtureDef[Any]]) -> bool:
