@@ -30,6 +30,7 @@ from pytest_drive_robust.plugin.waivers import WaivingPlugin
 from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
+from pytest_drive_robust.runner.cache_key.canonical_text import begin_run
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scheduler import Observer
 from pytest_drive_robust.store.base import EpisodeStore
@@ -83,7 +84,9 @@ def _report_here(
         execution.check_workers()
         record = xdist.start_run(config, options)
     else:
-        record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=new_run_name()))
+        name = new_run_name()
+        begin_run(name)
+        record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=name))
         drive_here(local.store, local, shared=False)
     outputs = RunOutputs(options, record, versions={"pytest": pytest.__version__}, checks=checks)
     config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
@@ -106,8 +109,15 @@ def _drive_here(
     shared: bool,
 ) -> None:
     scopes, executor = backend_for(config, options, execution, shared=shared, store=store, ticked=observer.ticked)
+    keeps = options.store != "off"  # for other runs, which know the episodes of an agent by its keys
     campaign = Campaign(
-        store, executor, observer, metrics=options.metrics, whole=regression.drives_all, budget_s=execution.budget_s
+        store,
+        executor,
+        observer,
+        metrics=options.metrics,
+        whole=regression.drives_all,
+        budget_s=execution.budget_s,
+        require_unchanged=scopes.require_unchanged if keeps else lambda agent: None,
     )
     config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign, waivers)
     config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import pytest
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
@@ -52,8 +54,8 @@ class CollectionPlugin:
         if problems_of(config):
             return
         context = _with_all_plugins(config)
-        note_problem(config, "", context.scopes.check)
         driving = [item for item in session.items if uses_drive(item)]
+        note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
         for item in driving:
             note_problem(config, item.nodeid, partial(self._add, context, item))
         if context.options.correction != "none":
@@ -106,6 +108,18 @@ class CollectionPlugin:
         self.requests.update(scope.plan(wanted))
         self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)
+
+
+def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
+    """Return an agent and routes that tests name by their markers; None where one of them takes those of the run.
+
+    Raises `UsageError` for a marker that cannot be used.
+    """
+    marks = [marker_options(item) for item in driving]
+    agents, routes = [mark.agent for mark in marks], [mark.routes for mark in marks]
+    return MarkerOptions(
+        agent=agents[0] if agents and all(agents) else None, routes=routes[0] if routes and all(routes) else None
+    )
 
 
 def _with_all_plugins(config: pytest.Config) -> DriveContext:

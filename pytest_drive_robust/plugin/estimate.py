@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import math
+
 from pytest_drive_robust.report.numbers import counted, interval_text
 from pytest_drive_robust.verdict.evaluate import Verdict
+
+_DECIMALS = 9
+_ROUNDING = 1e-12
+"""Of 0.30000000000000004, which is 1 - 70 / 100, what is beyond 0.30 is no degradation."""
 
 
 class Estimate(float):
@@ -18,8 +24,9 @@ class Estimate(float):
 
     @classmethod
     def of(cls, verdict: Verdict) -> Estimate:
-        """Return the value of a verdict."""
-        estimate = cls(verdict.value)
+        """Return the value of a verdict, without rounding: `<= 0.30` holds where a requirement of that limit does."""
+        short = round(verdict.value, _DECIMALS)
+        estimate = cls(short if math.isclose(short, verdict.value, rel_tol=0.0, abs_tol=_ROUNDING) else verdict.value)
         estimate.metric = verdict.requirement.metric.name
         estimate.setting = str(verdict.requirement.setting)
         estimate.low, estimate.high = float(verdict.low), float(verdict.high)

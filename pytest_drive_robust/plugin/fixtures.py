@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -35,5 +36,20 @@ def _context(request: pytest.FixtureRequest) -> DriveContext:
 
 
 def uses_drive(item: pytest.Item) -> bool:
-    """Return True for a test that asks for one of these fixtures, itself or through others."""
-    return not _FIXTURES.isdisjoint(getattr(item, "fixturenames", ()))
+    """Return True for a test that asks for one of these fixtures, itself or through others.
+
+    A project may have a fixture of its own called so, of a disk or a robot: its tests are none of ours.
+    """
+    known = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
+    asked = _FIXTURES.intersection(getattr(item, "fixturenames", ()))
+    return any(known is None or _is_ours(name, known.get(name, ())) for name in asked)
+
+
+def _is_ours(name: str, definitions: Sequence[pytest.FixtureDef[Any]]) -> bool:
+    """Return whether the last of these is ours, or asks for the one before it, and that is."""
+    for definition in reversed(definitions):
+        if definition.func.__module__ == __name__:
+            return True
+        if name not in definition.argnames:
+            return False
+    return False

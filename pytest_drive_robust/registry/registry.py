@@ -268,6 +268,11 @@ class Registry:
             raise UsageError(
                 f"{name!r} of {kind} is registered twice: by {known.origin} and by {definition}. Rename one of them."
             )
+        if known is not None and (one := _plain_options(known.load())) != (other := _plain_options(target)):
+            raise UsageError(
+                f"{name!r} of {kind} is registered twice: by {definition} with {one} and with {other}. Rename one of "
+                "them."
+            )
         entry = Entry(kind, name, definition, lambda: target, argument=argument, registered=True)
         self._registered[kind, name] = entry
 
@@ -307,6 +312,14 @@ def hide_names() -> int:
 def forget_names(kept: int = 0) -> None:
     """Forget what hooks registered, but for what `hide_names` hid when it returned `kept`."""
     del _IN_USE[kept:]
+
+
+def _plain_options(target: object) -> dict[str, object]:
+    """Return what a `functools.partial` gives by name and by place, as far as two such values can be compared."""
+    if not isinstance(target, functools.partial):
+        return {}
+    given = {**{str(place): value for place, value in enumerate(target.args)}, **target.keywords}
+    return {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
 
 
 def _builtins(kind: str) -> list[Entry]:

@@ -117,7 +117,8 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
         }
         told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
         if left := undriven.get(key):
-            told += (f"{left} {'episode was' if left == 1 else 'episodes were'} not driven, as the run ended before",)
+            episodes = "episode was" if left == 1 else "episodes were"
+            told += (f"{left} {episodes} not driven, as the run ended before, or a verdict was an error",)
         cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     date, commit = str(stored.get("date") or ""), str(stored.get("commit") or "")

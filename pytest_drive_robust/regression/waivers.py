@@ -18,6 +18,7 @@ TOML, because a waiver is written and read by people and wants comments.
 
 from __future__ import annotations
 
+import re
 import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -38,6 +39,10 @@ if sys.version_info >= (3, 11):
     import tomllib
 else:
     import tomli as tomllib
+
+
+_GROUP = re.compile(r"(?<=[\])\w])@[^]/:@]*\Z")
+"""What `--dist loadgroup` of pytest-xdist adds to the id of a test: `test_suite.py::test_it[case]@group`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +66,10 @@ class Waiver:
 
     def covers(self, sentence: str, nodeid: str, *, agent: str) -> bool:
         """Return True for the requirement of that sentence in that test, when `agent` is meant too."""
-        case = nodeid[nodeid.index("[") + 1 :].removesuffix("]") if "[" in nodeid else nodeid
+        test = _GROUP.sub("", nodeid)
+        case = test[test.index("[") + 1 :].removesuffix("]") if "[" in test else test
         return _matches(self.agent, agent) and any(
-            _matches(self.requirement, text) for text in (sentence, case, nodeid)
+            _matches(self.requirement, text) for text in (sentence, case, test, nodeid)
         )
 
 

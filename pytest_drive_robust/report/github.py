@@ -62,8 +62,10 @@ def _headline(run: RunResult) -> str:
     parts += [f"{counts['fail']} broken"] if counts["fail"] else []
     parts += [counted(counts["error"], "error")] if counts["error"] else []
     parts += [f"{inconclusive} inconclusive"] if inconclusive else []
-    early = run.ended_early or any(len(row.results) < row.needed for row in run.rows)
-    parts += ["but the run ended early"] if early else []
+    if run.ended_early:
+        parts.append("but the run ended early")
+    elif any(len(row.results) < row.needed for row in run.rows):
+        parts.append("but not all episodes were driven")
     reading = run.options.reading
     return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")
 

@@ -108,7 +108,7 @@ def footnotes(run: RunResult) -> list[str]:
     if any(row.privileged for row in run.rows):
         lines.append("* privileged: this agent sees ground truth")
     if any(len(row.results) < row.needed for row in run.rows):
-        lines.append("'n of m' are episodes: the run ended before all episodes of this setting were driven")
+        lines.append("'n of m' are episodes: the run ended before the others were driven, or a verdict was an error")
     stuck = sum(result.end is End.STUCK for result in run.episodes.values())
     if stuck:
         lines.append(f"{stuck} of {len(run.episodes)} episodes were stopped early because the ego stood still")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -58,6 +58,7 @@ class Campaign:
     `budget_s`: so many seconds after an episode was missing first no new one is begun.
     `whole`: episodes that a verdict can do without are driven too, because the run is compared with others: routes
     that were driven until their scores happened to be high enough say nothing about two runs.
+    `require_unchanged` raises `UsageError` for an agent that may be another one than when its keys were made.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Campaign:
         metrics: str,
         whole: bool = False,
         budget_s: float | None = None,
+        require_unchanged: Callable[[str], None] = lambda agent: None,
     ) -> None:
         self._store = store
         self._told: set[str] = set()
@@ -76,7 +78,8 @@ class Campaign:
         self.observer = observer
         self._metrics = metrics
         self._whole = whole
-        self.scheduler = Scheduler(store, executor, observer, budget_s=budget_s)
+        self.scheduler = Scheduler(store, executor, observer, budget_s=budget_s, require_unchanged=require_unchanged)
+        self._require_unchanged = require_unchanged
 
     def planned(
         self, requests: Mapping[str, EpisodeRequest], verdict_plans: Sequence[VerdictPlan], *, shared: bool = False
@@ -228,6 +231,7 @@ class Campaign:
         The list that is yielded gets what is begun. When no verdict comes of it, those that are finished belong to the
         run all the same: an error or an interrupt is to be read beside what led to it.
         """
+        self._require_unchanged(scope.agent)
         begun: list[EpisodeRequest] = []
         for event in episodes_needed(scope, setting, need):
             self.observer(event)

@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import NamedTuple, Protocol
 
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.errors import BudgetSpentError
+from pytest_drive_robust.errors import BudgetSpentError, UsageError
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.base import EpisodeStore
@@ -46,7 +46,8 @@ class Scheduler:
 
     An episode is claimed in the store before it begins and stored before the claim is given back: several processes
     with one store share the work without knowing of each other. `budget_s`: so many seconds after the first episode was
-    missing nothing new is begun. Not for several threads.
+    missing nothing new is begun. `require_unchanged` raises `UsageError` for an agent that may be another one than when
+    its keys were made: what it drove is stored under none of them. Not for several threads.
     """
 
     def __init__(
@@ -56,12 +57,14 @@ class Scheduler:
         observer: Observer,
         *,
         budget_s: float | None = None,
+        require_unchanged: Callable[[str], None] = lambda agent: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._store = store
         self._executor = executor
         self._observer = observer
         self._budget_s = budget_s
+        self._require_unchanged = require_unchanged
         self._clock = clock
         self._ends_s: float | None = None
         self._later: dict[str, EpisodeRequest] = {}
@@ -140,7 +143,7 @@ class Scheduler:
             try:
                 if future.cancelled():  # the test that drove it in this process was interrupted
                     continue
-                error = future.exception()
+                error = future.exception() or self._change_of(request.episode.agent)
                 if error is not None:
                     self._broken[key] = error
                     continue
@@ -163,6 +166,13 @@ class Scheduler:
         for drive in self._under_way.values():
             drive.claim.release()
         self._under_way.clear()
+
+    def _change_of(self, agent: str) -> UsageError | None:
+        try:
+            self._require_unchanged(agent)
+        except UsageError as error:
+            return error
+        return None
 
     def _note_duration(self, request: EpisodeRequest, wall_s: float) -> None:
         self._longest_s[request.episode.agent, request.route.id] = max(wall_s, self.expected_s(request))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
+from typing import Any
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
@@ -41,6 +43,20 @@ def check_severities(setting: Setting, dt_s: float) -> None:
             continue
 
 
+def _states_of_weights(factory: object) -> tuple[tuple[int, ...], ...]:
+    """Return what changes when one of the files is written that a factory calls `weights`: its time and its size."""
+    named: Any = getattr(factory, "weights", None)
+    several = named if isinstance(named, (list, tuple)) else (named,)
+    states = []
+    for file in several:
+        try:
+            found = os.stat(file)
+        except (OSError, TypeError, ValueError):  # whoever reads it says so
+            continue
+        states.append((found.st_mtime_ns, found.st_size))
+    return tuple(states)
+
+
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.
 
@@ -65,6 +81,7 @@ class Scopes:
         self._problems: dict[str, list[str]] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._identities: dict[str, str] = {}
+        self._weights: dict[str, tuple[tuple[int, ...], ...]] = {}  # states of their files, by agent
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -87,14 +104,39 @@ class Scopes:
         self._check_routes(scope)
         return scope
 
+    def require_unchanged(self, agent: str) -> None:
+        """Raise `UsageError` where the weights of an agent are others than when its keys were made.
+
+        Episodes of the one would be taken, or kept, for those of the other.
+        """
+        if agent not in self._identities or _states_of_weights(self._factory(agent)) == self._weights[agent]:
+            return
+        states = _states_of_weights(self._factory(agent))
+        if self._made_identity(agent) != self._identities[agent]:
+            raise UsageError(
+                f"the weights of the agent {agent!r} changed after the tests were collected, when its stored episodes "
+                "were looked for by their content. Let them be written before pytest starts, or as its conftest.py is "
+                "loaded, and by nobody while it runs."
+            )
+        self._weights[agent] = states  # only written once more
+
     def identify(self, scope: Scope) -> Identified:
         """Return what its agent and its routes are made of. Raises `UsageError` for weights that do not read."""
         return identify(scope, self._registry)
 
-    def check(self) -> None:
-        """Raise `UsageError` when the run's own agent, simulator or routes cannot be used."""
-        self._registry.require("simulators", self._options.simulator)
-        self.of(MarkerOptions())
+    def check(self, marked: MarkerOptions | None = None) -> None:
+        """Raise `UsageError` when the run's own agent, simulator or routes cannot be used.
+
+        What nobody asks for need not be there: where the run names no agent, or no routes, and every test does by its
+        marker, those of `marked` stand for them.
+        """
+        options, marked = self._options, marked or MarkerOptions()
+        self._registry.require("simulators", options.simulator)
+        agent, routes = (
+            (None if options.agent_given else marked.agent),
+            (None if options.routes_given else marked.routes),
+        )
+        self.of(MarkerOptions(agent=agent, routes=routes))
 
     def setting(self, sentence: str) -> Setting:
         """Return the setting that is called so. Raises `UsageError`."""
@@ -130,17 +172,25 @@ class Scopes:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
         if agent not in self._identities:
             self._registry.require("agents", agent)
-            check_factory(agent, self._registry.entry("agents", agent).load())
-            together = self._lockstep and factory_offers_lockstep(agent, self._registry)
-            self._identities[agent] = identity_of(
-                agent,
-                self._registry,
-                simulator=self._options.simulator,
-                world=self._simulator,
-                options=simulator_options(self._options),
-                mode="lockstep" if together else "single",
-            )
+            check_factory(agent, self._factory(agent))
+            self._weights[agent] = _states_of_weights(self._factory(agent))  # before they are read
+            self._identities[agent] = self._made_identity(agent)
         return self._identities[agent]
+
+    def _made_identity(self, agent: str) -> str:
+        """Return the identity of an agent as it is now."""
+        together = self._lockstep and factory_offers_lockstep(agent, self._registry)
+        return identity_of(
+            agent,
+            self._registry,
+            simulator=self._options.simulator,
+            world=self._simulator,
+            options=simulator_options(self._options),
+            mode="lockstep" if together else "single",
+        )
+
+    def _factory(self, agent: str) -> object:
+        return self._registry.entry("agents", agent).load()
 
     def _check_routes(self, scope: Scope) -> None:
         """Raise one `RouteError` that names every route that the simulator cannot drive."""

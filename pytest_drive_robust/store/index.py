@@ -12,16 +12,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
+from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.store.record import CorruptRecordError, decode_record
 from pytest_drive_robust.store.record_files import RecordFiles
+from pytest_drive_robust.store.reuse import ran_out
 
 _FILE = "index.sqlite"
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True)
 class IndexedEpisode:
-    """One record. `size` in bytes; `problem` says why it cannot be read, then the words of the episode are empty."""
+    """One record. `size` in bytes; `problem` says why it cannot be read, then the words of the episode are empty.
+
+    `end` tells whether other runs may reuse it: what an agent raised for lack of memory counts as a crash.
+    """
 
     key: str
     size: int
@@ -119,7 +124,7 @@ def _episode(key: str, data: bytes) -> IndexedEpisode:
     texts = (record.notes.get("run", ""), result.episode.agent, result.episode.route_id, result.episode.setting)
     # SQLite takes no lone surrogates
     run, agent, route_id, setting = (text.encode(errors="backslashreplace").decode() for text in texts)
-    end, wall_s = result.end.value, float(result.wall_s)
+    end, wall_s = (End.AGENT_CRASHED_HARD if ran_out(result) else result.end).value, float(result.wall_s)
     return IndexedEpisode(
         key, len(data), run, agent, route_id, setting, result.episode.seed, result.outcome.value, end, wall_s
     )

@@ -5,13 +5,22 @@ from __future__ import annotations
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 
+_RAN_OUT = ("MemoryError", "out of memory", "No space left on device")
+"""In the words of Python, torch, CUDA and the system."""
+
 
 def is_reusable(result: EpisodeResult) -> bool:
     """Tell whether another run would get the same by driving it again: the agent's drive, or its own exception.
 
-    A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again.
+    A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again. So
+    is what the agent raised because the machine had no more: memory, that of a GPU, room on a disk.
     """
-    return ends_reusable(result.outcome, result.end)
+    return ends_reusable(result.outcome, result.end) and not ran_out(result)
+
+
+def ran_out(result: EpisodeResult) -> bool:
+    """Tell whether the agent raised for lack of what another run may have more of."""
+    return result.end is End.AGENT_CRASHED and any(words in result.end_detail for words in _RAN_OUT)
 
 
 def ends_reusable(outcome: Outcome, end: End) -> bool:

@@ -109,7 +109,9 @@ class Bracket:
         """What the bracket rests on, in words."""
         read = [probe.routes for probe in self.probes]
         if self.rule == "point":
-            return f"point rule on {max(read)} routes, too few to show more"
+            on = f"point rule on {max(read)} {'route' if max(read) == 1 else 'routes'}"
+            own = self.metric.function is not None
+            return f"{on}, as for all metrics of your own" if own else f"{on}, too few to show more"
         routes = f"{min(read)} to {max(read)}" if min(read) < max(read) else f"{max(read)}"
         return f"evidence at {self.alpha:g} a side, margin 0, {routes} routes a severity"
 

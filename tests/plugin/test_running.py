@@ -492,6 +492,41 @@ def drive_setting_classes():
     )
 
 
+RED_LIGHTS = """
+
+class RedLights(LoggedSimulator):
+    def step(self, control):
+        self.is_weak = control.throttle < 1.0
+        return super().step(control)
+
+    def score(self):
+        from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
+        found = super().score()
+        return replace(found, infractions=(Infraction(InfractionKind.RED_LIGHT, 5, "red"),)) if self.is_weak else found
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("lights", lambda options: RedLights(replace(options, tick_cap=90)))
+"""
+
+
+def test_a_measured_value_at_the_limit_keeps_to_it_as_a_requirement_does(suite):
+    test = """
+from pytest_drive_robust import requirements
+
+def test_of_one_light(drive):
+    (requirement,) = requirements("RD under throttle 0.99 <= 0.30")
+    assert drive.check(requirement).value != 0.30, "1 - 70 / 100 is 0.30000000000000004"
+    assert drive.rd("throttle 0.99") <= 0.30
+    assert drive.rd("throttle 0.99") >= 0.30
+    assert drive.ds("throttle 0.99") == 70.0
+"""
+    result = run(suite(test=test, conftest=RED_LIGHTS), "--drive-sim", "lights")
+    result.assert_outcomes(passed=1)
+
+
 def test_a_marker_pins_agent_seeds_and_routes(suite, driven):
     test = """
 import pytest
@@ -505,6 +540,60 @@ def test_pinned(drive):
     result = run(suite(test=test), "--drive-agent", "steady")
     assert result.ret == 0
     assert driven() == ["2 4", "2 5"]
+
+
+@pytest.mark.parametrize(
+    ("args", "marks", "told"),
+    [
+        ((), 2, ""),
+        ((), 1, "its weights are not there"),
+        (("--drive-agent", "tcp"), 2, "its weights are not there"),
+        (("--drive-agent", "steady", "--drive-routes", "dev10"), 2, "10 of 10 routes cannot be driven:"),
+    ],
+    ids=["nobody asks for them", "a test without a marker does", "the run names the agent", "the run names the routes"],
+)
+def test_an_agent_and_routes_that_nobody_asks_for_need_not_be_there(suite, args, marks, told):
+    absent = """
+
+class OneTown(LoggedSimulator):
+    def check_route(self, route):
+        if route.town != "Straight":
+            from pytest_drive_robust.errors import RouteError
+            raise RouteError(f"no town {route.town}")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+
+    def tcp():
+        pass
+
+    def check():
+        from pytest_drive_robust.errors import UsageError
+        raise UsageError("its weights are not there")
+
+    tcp.check = check
+    registry.register_agent("tcp", tcp)
+    registry.register_simulator("one-town", lambda options: OneTown(replace(options, tick_cap=60)))
+"""
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+def test_first(drive):
+    drive.check(requirement("DS") >= 1)
+
+def test_second(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    for name in ("first", "second")[:marks]:
+        test = test.replace(f"def test_{name}", f"@NAMED\ndef test_{name}")
+    test = test.replace("@NAMED", '@pytest.mark.drive_robust(agent="steady", routes="routes.xml")')
+    unsaid = ("-o", "drive_agent=", "-o", "drive_routes=", "--drive-sim", "one-town")
+    result = run(suite(test=test, conftest=absent), *unsaid, *args)
+    assert result.ret == (4 if told else 0)
+    result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
 
 
 def test_what_a_requirement_measured_reaches_junit(suite):

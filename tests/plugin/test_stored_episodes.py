@@ -165,3 +165,86 @@ def own():
     assert rerun("--drive-agent=named_module:own")[0] == 6
     weights.write_text("0.1")
     assert rerun("--drive-agent=named_module:own")[0] == 6
+
+
+def test_code_that_cannot_be_known_is_driven_by_every_run_of_one_process(suite, driven):
+    holding = """
+
+def holding(handle):
+    def make():
+        assert handle is not None
+        return steady()
+    return make
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_agent("holding", holding(iter("what an iterator gives, nobody can compare")))
+"""
+    folder = suite("DS under clean >= 60", conftest=holding)
+    for count in (3, 6):
+        assert folder.runpytest_inprocess("--drive-robust", "--drive-agent", "holding").ret == 0
+        assert len(driven()) == count
+
+
+RETRAINED = """
+
+class Learned(ScriptedAgent):
+    weights = "learned.txt"
+
+    def __init__(self):
+        with open(self.weights) as file:
+            super().__init__([Control(throttle=float(file.read()))])
+
+
+class Learning(Learned):
+    def reset(self, route, seed):
+        with open(self.weights, "w") as file:
+            file.write("0.3")
+        super().reset(route, seed)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_agent("learned", Learned)
+    registry.register_agent("learning", Learning)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def trained(pytestconfig):
+    if (text := os.environ.get("TRAINED")) is not None:
+        (pytestconfig.rootpath / "learned.txt").write_text(text)
+"""
+
+
+@pytest.mark.parametrize(
+    ("trained", "args", "code"),
+    [("1", (), 0), ("0.3", (), 1), ("0.3", ("--drive-fresh",), 1), ("1", ("--drive-store", "off"), 0)],
+    ids=["the same again", "others", "others, and nothing is taken over", "nothing is kept"],
+)
+def test_weights_that_a_fixture_writes_take_no_episodes_of_others(suite, driven, monkeypatch, trained, args, code):
+    folder = suite("DS under clean >= 60", conftest=RETRAINED)
+    weights = folder.path / "learned.txt"
+    weights.write_text("1")
+    asked = ("--drive-robust", "--drive-agent", "learned", *args)
+    assert folder.runpytest_inprocess(*asked).ret == 0
+    monkeypatch.setenv("TRAINED", trained)
+    weights.write_text("1")
+    result = folder.runpytest_inprocess(*asked)
+    assert result.ret == code
+    if code:
+        result.assert_outcomes(errors=1)
+        result.stdout.fnmatch_lines(["*the weights of the agent 'learned' changed after the tests were collected*"])
+        assert len(driven()) == 3, "the first run drove them, the second one none"
+
+
+def test_what_was_driven_with_other_weights_than_its_key_says_is_not_stored(suite, driven):
+    folder = suite("DS under clean >= 60", conftest=RETRAINED)
+    (folder.path / "learned.txt").write_text("1")
+    result = folder.runpytest_inprocess("--drive-robust", "--drive-agent", "learning")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*the weights of the agent 'learning' changed after the tests were collected*"])
+    assert driven()
+    assert statistics(folder.path / ".drive-robust").records == 0

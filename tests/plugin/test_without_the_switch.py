@@ -22,6 +22,38 @@ def test_a_fixture_that_is_asked_for_late_skips_too(suite):
     result.stdout.fnmatch_lines(["SKIPPED*needs --drive-robust"])
 
 
+OWN = """
+import pytest
+
+@pytest.fixture
+def drive():
+    return "D:"
+
+def test_own(drive):
+    assert drive == "D:"
+
+@pytest.mark.parametrize("drive", ["C:"])
+def test_parameter(drive):
+    assert drive == "C:"
+
+class TestAround:
+    @pytest.fixture
+    def drive_agent(self, drive_agent):
+        return drive_agent
+
+    def test_ours(self, drive_agent):
+        assert drive_agent == "steady"
+"""
+
+
+def test_tests_of_a_project_with_a_fixture_called_drive_run(suite, driven):
+    folder = suite(test=OWN)
+    folder.runpytest_inprocess().assert_outcomes(passed=2, skipped=1)
+    result = folder.runpytest_inprocess("--drive-robust")
+    result.assert_outcomes(passed=3)
+    assert (result.ret, driven()) == (1, [])  # still not green: nothing was driven
+
+
 @pytest.mark.parametrize("option", [("--drive-agent", "steady"), ("--drive-plan",), ("--drive-verdict=point",)])
 def test_an_option_that_is_typed_without_the_switch_is_refused(suite, option):
     result = suite("DS under clean >= 90").runpytest_inprocess(*option)

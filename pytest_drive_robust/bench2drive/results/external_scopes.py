@@ -72,7 +72,7 @@ class ExternalScopes(Scopes):
         routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
         return Identified(agent=scope.agent, distribution=self._options.simulator, source="", weights="", routes=routes)
 
-    def check(self) -> None:
+    def check(self, marked: MarkerOptions | None = None) -> None:
         """Look at nothing: the supply was checked when it was made."""
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:

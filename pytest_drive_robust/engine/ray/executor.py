@@ -25,7 +25,7 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import available_cores
 from pytest_drive_robust.registry.registry import Registry, default_registry
-from pytest_drive_robust.runner.cache_key.canonical_text import SESSION
+from pytest_drive_robust.runner.cache_key.canonical_text import session
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
@@ -130,8 +130,8 @@ class RayExecutor(Executor):
         if self._address == _LOCAL:
             own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
             return {"address": _LOCAL, "include_dashboard": False, **own}
-        session = {"PYTEST_XDIST_TESTRUNUID": SESSION}  # stands in identities for code that cannot be known
-        env = {"working_dir": folder, "excludes": list(_EXCLUDED), "env_vars": session}
+        ours = {"PYTEST_XDIST_TESTRUNUID": session()}  # stands in identities for code that cannot be known
+        env = {"working_dir": folder, "excludes": list(_EXCLUDED), "env_vars": ours}
         return {"address": self._address, "runtime_env": env}
 
     def _start(self, cluster: Mapping[str, object]) -> None:

@@ -133,7 +133,7 @@ def _missing(records: RunRecords) -> list[str]:
         if left > 0:
             lines.append(
                 f"{row['agent']} under {row['setting']}: {left} of {counted(row['episodes_needed'], 'episode')} not "
-                "driven, because the run ended before."
+                "driven, because the run ended before, or a verdict was an error."
             )
     unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in records.results.values())
     if unread:

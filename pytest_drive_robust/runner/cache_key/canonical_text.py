@@ -33,10 +33,24 @@ from pytest_drive_robust.runner.cache_key.source_files import (
 )
 
 SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
-"""Stands for code that cannot be known: no other run has it, so nothing is taken for the same. Workers share it."""
+"""Of this process and, under pytest-xdist, of all workers of a run; in a process on a node, of the run itself."""
+_RUN = [""]
 
 _OWN = __name__.partition(".")[0]
 _ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
+
+
+def begin_run(name: str) -> None:
+    """Let what cannot be known be driven anew: pytest may run several times in one process, as in a notebook.
+
+    `name` is one that no other run has, and that all processes of this one have.
+    """
+    _RUN[0] = name
+
+
+def session() -> str:
+    """Return what stands for code that cannot be known: no other run has it, so nothing is taken for the same."""
+    return SESSION + _RUN[0]
 
 
 def digest_of(*values: object) -> str:
@@ -114,7 +128,7 @@ def perturbation_sources(setting: Setting) -> tuple[str, ...]:
     """
     classes: Iterator[Any] = map(type, setting.perturbations)
     others = [cls for cls in classes if cls.__module__.partition(".")[0] != _OWN]
-    return tuple(text for cls in others for text in (_class_code(cls), *file_digests(cls)))
+    return tuple(text for cls in others for text in (_class_code(cls, session()), *file_digests(cls)))
 
 
 def file_digests(owner: object) -> list[str]:
@@ -159,11 +173,13 @@ def code_of(target: object, *, libraries: bool = True) -> str:
     try:
         return canonical_text(_Description(libraries=libraries)(target))
     except (UnknownSourceError, TypeError, RecursionError) as error:
-        return f"session {SESSION} {type(target).__qualname__} {error}"
+        return f"session {session()} {type(target).__qualname__} {error}"
 
 
-_class_code = functools.cache(code_of)
-"""A plan asks for the same few thousands of times."""
+@functools.cache
+def _class_code(cls: type, _session: str) -> str:
+    """Return the code of a class; a plan asks for the same few thousands of times."""
+    return code_of(cls)
 
 
 class _Description:

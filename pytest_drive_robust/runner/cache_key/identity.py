@@ -33,11 +33,11 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import facts_of, sources_of
 from pytest_drive_robust.runner.cache_key import source_files
 from pytest_drive_robust.runner.cache_key.canonical_text import (
-    SESSION,
     canonical_text,
     code_of,
     digest_of,
     file_digests,
+    session,
 )
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
@@ -133,7 +133,7 @@ def _source_of(module: ModuleType) -> str:
     try:
         return source_files.module_digest(source_files.file_of(module), module.__name__)
     except source_files.UnknownSourceError as error:
-        return f"session {SESSION} {error}"
+        return f"session {session()} {error}"
 
 
 def route_digest(route: Route) -> str:

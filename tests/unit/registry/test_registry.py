@@ -124,6 +124,15 @@ def test_a_name_registered_by_two_definitions_is_an_error_that_names_both() -> N
         registry.register_agent("mine", _other_scripted)
 
 
+def test_one_factory_with_other_options_is_not_registered_under_the_same_name() -> None:
+    registry = Registry()
+    slow, fast = (functools.partial(_of_speed, speed_mps=speed_mps) for speed_mps in (2.0, 8.0))
+    registry.register_agent("driver", slow)
+    registry.register_agent("driver", functools.partial(_of_speed, speed_mps=2.0))
+    with pytest.raises(UsageError, match=r"registered twice: by .*_of_speed with \{'speed_mps': 2.0\} and with"):
+        registry.register_agent("driver", fast)
+
+
 def test_the_same_definition_may_register_again_as_when_a_conftest_is_imported_twice() -> None:
     registry = Registry()
     registry.register_perturbation(NoisyWheel)
@@ -304,6 +313,10 @@ def test_the_builtins_are_there() -> None:
 
 def test_the_registry_of_the_process_is_one() -> None:
     assert default_registry() is default_registry()
+
+
+def _of_speed(speed_mps: float) -> ScriptedAgent:
+    return ScriptedAgent([Control(throttle=speed_mps / 10.0)])
 
 
 def _scripted() -> ScriptedAgent:

@@ -268,7 +268,7 @@ def test_what_got_worse_is_told_apart_from_what_was_not_scored() -> None:
 
 
 def test_an_incomplete_run_is_no_reference() -> None:
-    told = "38 episodes were not driven, as the run ended before"
+    told = "38 episodes were not driven, as the run ended before, or a verdict was an error"
     comparison = compare(snapshot(cell(BUSY[:6], broken=(told,))), snapshot(cell(BUSY)))
     (refusal,) = comparison.refusals
     assert refusal.text == f"run is incomplete under clean: {told}"
@@ -282,7 +282,9 @@ def test_an_episode_that_broke_now_is_an_error() -> None:
     assert "no map" in found.findings[0].problem
 
 
-@pytest.mark.parametrize("told", ["7, seed 0: no map", "24 episodes were not driven, as the run ended before"])
+@pytest.mark.parametrize(
+    "told", ["7, seed 0: no map", "24 episodes were not driven, as the run ended before, or a verdict was an error"]
+)
 def test_a_setting_of_which_nothing_was_scored_is_not_judged_and_red(told: str) -> None:
     old = snapshot(cell(BUSY), cell(BUSY, setting="200 ms latency"))
     new = snapshot(cell(BUSY), cell([], setting="200 ms latency", broken=(told,)))
@@ -335,7 +337,7 @@ def test_a_setting_without_one_common_route_lacks_routes_too() -> None:
 
 
 def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> None:
-    short = cell(BUSY[:5], broken=("59 episodes were not driven, as the run ended before",))
+    short = cell(BUSY[:5], broken=("59 episodes were not driven, as the run ended before, or a verdict was an error",))
     comparison = compare(snapshot(cell(BUSY)), snapshot(short))
     assert not comparison.refusals
     assert comparison.regressed

@@ -78,7 +78,7 @@ def test_what_one_set_of_routes_lacks_is_told_whatever_the_other_sets_hold(order
     run = RunResult.of(RunOptions(), [*needed[::order], Used(("a", "b"))], results.get, versions={})
     (cell,) = snapshot_of(run_as_json(run), label="run").cells.values()
     assert sorted(cell.routes) == ["1", "2"]
-    assert cell.broken == ("1 episode was not driven, as the run ended before",)
+    assert cell.broken == ("1 episode was not driven, as the run ended before, or a verdict was an error",)
 
 
 def test_what_a_verdict_did_without_is_told_of_routes_with_several_seeds_too() -> None:

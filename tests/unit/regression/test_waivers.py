@@ -64,6 +64,16 @@ def test_the_id_of_a_case_may_hold_brackets_of_its_own() -> None:
     assert not waiver.covers("RD under clean <= 0.3", "suites/test_a.py::test_it[rig[1] late]", agent="driver")
 
 
+@pytest.mark.parametrize("nodeid", ["a@b/test_a.py::test_it", "a@b/test_a.py::test_it[rd-1]"])
+def test_an_id_covers_where_xdist_adds_a_group(nodeid: str) -> None:
+    """With `--dist loadgroup` the id of a test ends with its group, but for the newest versions of pytest."""
+    for requirement in (nodeid, nodeid.partition("[")[2].rstrip("]") or nodeid):
+        waiver = Waiver(requirement, "kim", "new planner", date(2026, 12, 15))
+        assert waiver.covers("RD under clean <= 0.3", nodeid, agent="driver")
+        assert waiver.covers("RD under clean <= 0.3", f"{nodeid}@slow-ones", agent="driver")
+        assert not waiver.covers("RD under clean <= 0.3", f"{nodeid}2", agent="driver")
+
+
 def test_of_several_waivers_the_longest_counts() -> None:
     short, long = (Waiver("RD*", "planning", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
     assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") is long

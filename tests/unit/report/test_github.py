@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.github import VARIABLE, append_step_summary, step_summary
-from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.report.run_result import RunResult, SettingRow
 from pytest_drive_robust.store.events import Judged
 
 WILD = Judged(
@@ -50,6 +50,12 @@ def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
 def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
     told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but the run ended early"
     assert step_summary(replace(run_of(WILD), ended_early=True)).splitlines()[0] == told
+
+
+def test_a_row_that_lacks_episodes_does_not_say_that_the_run_ended_early() -> None:
+    row = SettingRow("star", "full", "clean", (0,), needed=4, results=(), summary=None, rd=None, verdict="error")
+    told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but not all episodes were driven"
+    assert step_summary(replace(run_of(WILD), rows=(row,))).splitlines()[0] == told
 
 
 def test_a_run_that_asked_for_nothing_writes_nothing(tmp_path: Path) -> None:

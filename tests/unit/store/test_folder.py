@@ -47,12 +47,22 @@ def test_what_is_missing_is_looked_for_again_each_time(tmp_path):
     ("result", "reused"),
     [
         (make_result(), True),
+        (make_result(end=End.AGENT_CRASHED, end_detail="act raised ValueError: no lane (mine.py:3 in act)"), True),
+        (make_result(end=End.AGENT_CRASHED, end_detail="act raised MemoryError"), False),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="torch.OutOfMemoryError: CUDA out of memory"),
+            False,
+        ),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="OSError: [Errno 28] No space left on device"),
+            False,
+        ),
         (make_result(end=End.TICK_CAP), True),
         (RAISED, True),
         (TIMED_OUT, False),
         (OURS, False),
     ],
-    ids=["completed", "failed", "raised", "timed out", "our fault"],
+    ids=["completed", "explained", "memory", "memory of a GPU", "disk", "failed", "raised", "timed out", "our fault"],
 )
 def test_what_another_run_drove_counts_when_driving_again_would_give_the_same(result, reused, tmp_path):
     assert is_reusable(result) is reused

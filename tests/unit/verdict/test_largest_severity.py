@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -91,6 +91,12 @@ def test_the_bracket_says_by_which_rule_it_was_found() -> None:
         "(evidence at 0.1 a side, margin 0, 24 routes a severity)"
     )
     assert "(point rule on 24 routes, too few to show more)" in str(bracket((140, "holds"), rule="point"))
+
+
+def test_a_bracket_of_a_users_metric_blames_no_lack_of_routes() -> None:
+    own = Metric.from_function("bumps", lambda results: 0.0)
+    found = replace(bracket((140, "holds"), rule="point"), metric=own)
+    assert "(point rule on 24 routes, as for all metrics of your own)" in str(found)
 
 
 def test_a_bracket_compares_by_what_was_shown_to_hold() -> None:

@@ -159,7 +159,7 @@ def test_a_source_of_a_world_without_a_file_is_known_to_nobody_but_this_session(
     world.sources = ("sys",)
     here = simulator_identity("fake", registry, world, SimulatorOptions())
     assert simulator_identity("fake", registry, world, SimulatorOptions()) == here
-    monkeypatch.setattr(identity, "SESSION", "another")
+    monkeypatch.setattr("pytest_drive_robust.runner.cache_key.canonical_text.SESSION", "another")
     assert simulator_identity("fake", registry, world, SimulatorOptions()) != here
 
 
