@@ -62,12 +62,13 @@ def _episode(run: Run, result: EpisodeResult) -> dict[str, Any]:
 
 
 def _infractions(run: Run) -> Columns:
+    """Return what happened at the end of which tick, counted as in the table of ticks: None where nobody told."""
     rows = [
         {
             **_names(run, result),
             "kind": item.kind.value,
-            "tick": item.tick,
-            "time_s": None if (second := infraction_s(item, result.dt_s)) is None else round(second, 6),
+            "tick": None if second is None else item.tick - 1,
+            "time_s": None if second is None else round(second, 6),
             "x_m": float(item.x_m),
             "y_m": float(item.y_m),
             "share_pct": float(item.share_pct),
@@ -75,6 +76,7 @@ def _infractions(run: Run) -> Columns:
         }
         for result in run.episodes
         for item in result.infractions
+        for second in [infraction_s(item, result.dt_s)]
     ]
     return _from_rows(rows, (*_NAMES, "kind", "tick", "time_s", "x_m", "y_m", "share_pct", "detail"))
 

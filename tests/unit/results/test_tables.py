@@ -48,10 +48,13 @@ def test_what_was_told_stands_in_its_tick_and_what_was_told_after_the_last_one_n
     assert np.array_equal(ticks["told_speed_mps"], [9.0, nan, 90.0, nan], equal_nan=True)
 
 
-def test_an_infraction_has_the_second_of_its_tick_and_none_where_nobody_told() -> None:
+def test_an_infraction_has_the_tick_and_the_second_of_the_table_of_ticks_and_none_where_nobody_told() -> None:
     events = [infraction(InfractionKind.RED_LIGHT, second=second) for second in (1.5, 0.0)]
-    infractions = columns_of(run_of(late(infractions=events, dt_s=0.05)), "infractions")
-    assert (infractions["tick"], infractions["time_s"]) == ([30, 0], [1.5, None])
+    run = run_of(late(infractions=events, dt_s=0.05, trace=trace_of(40)))
+    infractions, ticks = columns_of(run, "infractions"), columns_of(run, "ticks")
+    assert (infractions["tick"], infractions["time_s"]) == ([29, None], [1.5, None])
+    (row,) = np.flatnonzero(ticks["tick"] == 29)
+    assert ticks["time_s"][row] == infractions["time_s"][0]
     assert (infractions["setting"], infractions["kind"]) == ([SETTING] * 2, [InfractionKind.RED_LIGHT.value] * 2)
 
 
