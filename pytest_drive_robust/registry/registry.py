@@ -136,8 +136,7 @@ class Registry:
 
         Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
         """
-        entry = self.entry("agents", name)
-        return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
+        return cast("Agent", _made(self.entry("agents", name), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
         """Return a new world.
@@ -147,8 +146,7 @@ class Registry:
         """
         entry = self.entry("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
-        options = options or SimulatorOptions()
-        return cast("Simulator", _made(entry, entry.load(), (options, *argument), protocol=Simulator))
+        return cast("Simulator", _made(entry, options or SimulatorOptions(), *argument, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
@@ -241,10 +239,7 @@ class Registry:
 
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
-        entry = self.entry(kind, name)
-        factory = entry.load()
-        if not callable(factory):
-            raise PluginError(_not_callable(entry, factory))
+        _factory_of(self.entry(kind, name))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return what no sentence can use, for the report: of perturbations, as `perturbations` found them last."""
@@ -366,15 +361,17 @@ def _called(entry: Entry) -> str:
     return f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
 
 
-def _not_callable(entry: Entry, factory: object) -> str:
-    return f"{_called(entry)} is {factory!r}, expected a class or a function that makes one."
-
-
-def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
-    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
-    what = _called(entry)
+def _factory_of(entry: Entry) -> Callable[..., object]:
+    """Load what makes the objects of an entry. Raises `PluginError` for what cannot be called."""
+    factory = entry.load()
     if not callable(factory):
-        raise PluginError(_not_callable(entry, factory))
+        raise PluginError(f"{_called(entry)} is {factory!r}, expected a class or a function that makes one.")
+    return factory
+
+
+def _made(entry: Entry, *arguments: object, protocol: type) -> object:
+    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    factory, what = _factory_of(entry), _called(entry)
     try:
         made: object = factory(*arguments)
     except DriveRobustError:
