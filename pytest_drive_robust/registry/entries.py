@@ -15,6 +15,9 @@ from typing import Any
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
 
+KINDS = ("agents", "perturbations", "simulators", "metrics")
+"""The kinds of entries; those of a distribution stand in the entry point group `pytest_drive_robust.<kind>`."""
+
 _BETWEEN = "+"
 _GROUP = "pytest_drive_robust"
 _FLAGS = {"true": True, "false": False}
@@ -144,15 +147,15 @@ class Entry:
             ) from error
 
 
-def from_entry_points(kinds: Iterable[str]) -> dict[str, list[Entry]]:
-    """Return by kind what installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
+def from_entry_points() -> dict[str, list[Entry]]:
+    """Return by kind what installed distributions declare, unloaded."""
     installed = metadata.entry_points()  # reads a file of each distribution, however few groups are asked for
-    return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in kinds}
+    return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in KINDS}
 
 
-def unknown_groups(kinds: Iterable[str]) -> list[PluginError]:
+def unknown_groups() -> list[PluginError]:
     """Return what installed distributions declare in groups that are called almost as ours, which nobody reads."""
-    known = [f"{_GROUP}.{kind}" for kind in kinds]
+    known = [f"{_GROUP}.{kind}" for kind in KINDS]
     installed = metadata.entry_points()
     told = []
     for group in sorted(installed.groups):

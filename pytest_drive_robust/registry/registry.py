@@ -32,6 +32,7 @@ from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import kebab_name
 from pytest_drive_robust.registry.entries import (
+    KINDS,
     Entry,
     definition_of,
     from_entry_points,
@@ -49,8 +50,6 @@ SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[Simulator
 
 AgentFactories = Callable[[str], AgentFactory]
 """Makes such a factory of the text after the colon of a name: what it wraps and carries is that of one agent."""
-
-KINDS = ("agents", "perturbations", "simulators", "metrics")
 
 _BUILT_IN = "built in"
 _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
@@ -227,7 +226,7 @@ class Registry:
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            misplaced = [str(problem) for problem in unknown_groups(KINDS)]
+            misplaced = [str(problem) for problem in unknown_groups()]
             hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
             raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
         if len(known[name]) > 1:
@@ -244,7 +243,7 @@ class Registry:
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return what no sentence can use, for the report: of perturbations, as `perturbations` found them last."""
         found = [self._problems[name] for name in sorted(self._problems)]
-        return (*found, *self._misnamed_metrics(), *unknown_groups(KINDS))
+        return (*found, *self._misnamed_metrics(), *unknown_groups())
 
     def _misnamed_metrics(self) -> Iterator[PluginError]:
         for entry in itertools.chain.from_iterable(self._all("metrics").values()):
@@ -270,7 +269,7 @@ class Registry:
         if kind not in KINDS:
             raise UnknownNameError.of("kind of entry", kind, KINDS)
         if self._installed is None:
-            self._installed = from_entry_points(KINDS)
+            self._installed = from_entry_points()
         if kind not in self._declared:
             self._declared[kind] = (*_builtins(kind), *self._installed[kind])
         found: dict[str, list[Entry]] = {}
