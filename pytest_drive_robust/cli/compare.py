@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.cli.references import add_baselines, references_of
+from pytest_drive_robust.cli.references import references_of
 from pytest_drive_robust.cli.tables import columns_of_screen
 from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS
 from pytest_drive_robust.errors import UsageError
@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_pytest_option(parser, "--on-mismatch")
     add_pytest_option(parser, "--json", help="write what was found to FILE")
-    add_baselines(parser)
+    add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_compare)
 
 
