@@ -43,7 +43,7 @@ class Before:
         first = next(iter(self.digests), None)
         return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
 
-    def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
+    def compared_with(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
         """Return (same, a clause that says so), or None when that episode is not there."""
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
