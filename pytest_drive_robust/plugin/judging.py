@@ -250,7 +250,7 @@ class Drive:
         __tracebackhide__ = True
         verdict = judgement.verdict
         waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
-        if waiver is not None and self._context.waivers.holds(waiver):
+        if waiver is not None and waiver.holds:
             self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
             return
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
