@@ -223,7 +223,7 @@ class Drive:
                 yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
-            told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
+            told = NotJudgedError(what, error)
             self._item.stash[NOT_JUDGED_ERROR] = told
             self._item.stash.setdefault(RAISED, []).append(told)
             raise told from None
@@ -319,7 +319,7 @@ class DriveContext(NamedTuple):
         try:
             return Drive(self, item)
         except UsageError as error:
-            raise NotJudgedError(legible(f"ERROR: not judged: {item.name}\n{error}"), pytrace=False) from None
+            raise NotJudgedError(item.name, error) from None
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.verdict.evaluate import Verdict
 
 INCONCLUSIVE = "drive_inconclusive"
@@ -19,7 +20,13 @@ class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-define
 
 
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+    """There is no number to judge. Shown as an error of the test, not as a failure of the agent.
+
+    `what` was to be judged; `why` says what went wrong and what to do.
+    """
+
+    def __init__(self, what: object, why: object) -> None:
+        super().__init__(legible(f"ERROR: not judged: {what}\n{why}"), pytrace=False)
 
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
