@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pytest_drive_robust.regression.references import References, home_of
+from pytest_drive_robust.regression.references import References, project_home
 
 A_RUN = "a stored run, latest, or the JSON file of a run"
 """What people may type where a command takes a run."""
@@ -18,4 +18,4 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 def references_of(options: argparse.Namespace) -> References:
     """Return what finds stored runs and baselines, of which `--baselines` may name the folder."""
-    return References(home_of(Path.cwd()), Path(options.baselines) if options.baselines else None)
+    return References(project_home(), Path(options.baselines) if options.baselines else None)
