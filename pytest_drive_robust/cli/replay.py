@@ -189,7 +189,7 @@ def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
 
 
 def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route: Route, episode: Episode) -> Tape:
-    """Drive under `setting`, and tell what came of it as of `episode`."""
+    """Drive under `setting`, print the result under the name of `episode`, and return what was recorded."""
     with _progress(f"driving {what}") as step:
         tape = record_episode(
             simulator,

@@ -14,7 +14,7 @@ import pytest
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
 
 _DUMB = ("dumb", "unknown")
-"""What `TERM` says of terminals without movements, as rich has it, which draws."""
+"""Values of `TERM` for terminals that cannot move the cursor; `rich`, which draws, has the same two."""
 
 
 @contextmanager

@@ -32,13 +32,13 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
 """In `item.stash`: why the test could not be judged when it asked last, None where it could."""
 RAISED = pytest.StashKey[list[BaseException]]()
-"""In `item.stash`: what the test was told by an error and no report told of yet."""
+"""In `item.stash`: the errors that we raised in the test and that no report has shown yet."""
 UNHEEDED = "drive_unheeded"
-"""The property of the report on a test that passed although it was told by an error: the first line of that."""
+"""The property of the report on a test that passed although we raised an error in it: the first line of the error."""
 WAIVED = pytest.StashKey[list[str]]()
 """In `item.stash`: the waivers of what the test found broken since the last report on it, signed."""
 
 
 def is_open(report: pytest.TestReport) -> bool:
-    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
+    """Return True for the report of a test that left a verdict open; the report of a subtest does not say so."""
     return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)

@@ -24,7 +24,7 @@ _FLAGS = {"true": True, "false": False}
 
 
 class ConfiguredFactory(functools.partial[Any]):
-    """A factory with some of its options chosen; what it tells about its agents is what the factory tells."""
+    """A factory with some of its options chosen. All other attributes are those of the factory."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.func, name)
@@ -119,7 +119,7 @@ class Entry:
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def bound_to(self, argument: str) -> Entry:
-        """Return the entry `name:argument`, which loads what this one's object makes of the argument."""
+        """Return the entry `name:argument`: to load it is to load this entry and call its object with the argument."""
 
         def load() -> object:
             target = self.loader()

@@ -49,7 +49,7 @@ SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[Simulator
 """A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
 
 AgentFactories = Callable[[str], AgentFactory]
-"""Makes such a factory of the text after the colon of a name: what it wraps and carries is that of one agent."""
+"""Makes the factory of one agent, given the text after the colon of its name."""
 
 _BUILT_IN = "built in"
 _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
