@@ -17,7 +17,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 __all__ = [
     "AgentError",
@@ -56,8 +56,7 @@ class UnknownNameError(UsageError):
         """Return the error for a name that was not found among `known`, with the nearest one."""
         names = sorted(known)
         message = f"there is no {what} named {given!r}.{did_you_mean(given, names)}"
-        more = f" and {len(names) - _MOST_NAMES} more" if len(names) > _MOST_NAMES else ""
-        message += f" Known: {', '.join(names[:_MOST_NAMES]) or 'none'}{more}."
+        message += f" Known: {first_few(names, _MOST_NAMES) or 'none'}."
         return cls(f"{message} {hint}".rstrip())
 
 
@@ -106,3 +105,9 @@ def did_you_mean(given: str, known: Iterable[str]) -> str:
     """Return `" Did you mean 'expert'?"`, to be put behind a sentence; nothing when no known name is close."""
     close = nearest(given, known)
     return "" if close is None else f" Did you mean {close!r}?"
+
+
+def first_few(names: Sequence[str], most: int) -> str:
+    """Return `"a, b and 3 more"`: the first `most` names, and how many others there are."""
+    more = len(names) - most
+    return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

@@ -6,7 +6,8 @@ import argparse
 import os
 from pathlib import Path
 
-from pytest_drive_robust.cli.references import add_baselines, add_run, references_of
+from pytest_drive_robust.cli.pytest_options import add_pytest_option
+from pytest_drive_robust.cli.references import add_run, references_of
 from pytest_drive_robust.regression import clock, git
 from pytest_drive_robust.regression.baselines import Blessing, bless
 
@@ -25,7 +26,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", action="store_true", help="drop scores of routes that RUN did not drive under its settings"
     )
-    add_baselines(parser)
+    add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_bless)
 
 

@@ -6,8 +6,7 @@ import argparse
 import sys
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.cli.references import add_baselines, references_of
-from pytest_drive_robust.cli.tables import columns_of_screen
+from pytest_drive_robust.cli.references import references_of
 from pytest_drive_robust.domain.verdict_rule import VERDICT_KINDS
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.option import GivenText
@@ -19,6 +18,7 @@ from pytest_drive_robust.regression.document import json_text
 from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.json_file import comparison_as_json
+from pytest_drive_robust.report.page import columns_of_screen
 from pytest_drive_robust.store.whole_file import write_whole
 
 _known_rule = one_of(VERDICT_KINDS, "verdict rule")
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_pytest_option(parser, "--on-mismatch")
     add_pytest_option(parser, "--inconclusive", help="what an open verdict on changed scores does: warn or fail")
     add_pytest_option(parser, "--json", help="write what was found to FILE")
-    add_baselines(parser)
+    add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_compare)
 
 
@@ -70,7 +70,8 @@ def _compare(options: argparse.Namespace) -> int:
             f"A and B are both {after.label!r}, and no run is worse than itself. `drive-robust runs list` shows all."
         )
     comparison = compare(before, after, terms)
-    print(comparison_text(comparison, colour=sys.stdout.isatty(), width=columns_of_screen()))
+    is_terminal = sys.stdout.isatty()
+    print(comparison_text(comparison, colour=is_terminal, width=columns_of_screen(is_terminal=is_terminal)))
     if path is not None:
         write_whole(path, json_text(comparison_as_json(comparison)))
     if comparison.refusals:

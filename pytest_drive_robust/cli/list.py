@@ -8,7 +8,8 @@ from pytest_drive_robust.cli.routes import print_sets
 from pytest_drive_robust.cli.tables import LEFT, print_table, say
 from pytest_drive_robust.errors import DriveRobustError, UnknownNameError
 from pytest_drive_robust.perturbations import Perturbation
-from pytest_drive_robust.registry.registry import KINDS, Registry, default_registry
+from pytest_drive_robust.registry.entries import KINDS
+from pytest_drive_robust.registry.registry import Registry, default_registry
 
 _LISTS = (*KINDS, "routes")
 

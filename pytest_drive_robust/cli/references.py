@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.regression.references import References, home_of
+from pytest_drive_robust.regression.references import References, project_home
 
 A_RUN = "a stored run, latest, or the JSON file of a run"
 """What people may type where a command takes a run."""
@@ -17,11 +16,6 @@ def add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", metavar="RUN", help=A_RUN)
 
 
-def add_baselines(parser: argparse.ArgumentParser) -> None:
-    """Add `--baselines`, which `references_of` reads."""
-    add_pytest_option(parser, "--baselines")
-
-
 def references_of(options: argparse.Namespace) -> References:
-    """Return what finds stored runs and baselines."""
-    return References(home_of(Path.cwd()), Path(options.baselines) if options.baselines else None)
+    """Return what finds stored runs and baselines, of which `--baselines` may name the folder."""
+    return References(project_home(), Path(options.baselines) if options.baselines else None)

@@ -103,7 +103,9 @@ def _replay(options: argparse.Namespace) -> int:
         again = options.stored_controls and wanted.stored is not None
         tapes = [_drive_again(simulator, wanted, route)] if again else _drive(registry, simulator, wanted, route)
         measured = RunningStack(wanted.setting.perturbations).measures_inference
-        same = _compare(tapes, wanted, route, before, measured=measured)
+        if len(tapes) == 2:
+            _print_divergence(*tapes)
+        same = before is None or _is_as_before(tapes, route, before, measured=measured)
         if target is not None:
             _film(tapes, target)
     finally:
@@ -187,7 +189,7 @@ def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
 
 
 def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route: Route, episode: Episode) -> Tape:
-    """Drive under `setting`, and tell what came of it as of `episode`."""
+    """Drive under `setting`, print the result under the name of `episode`, and return what was recorded."""
     with _progress(f"driving {what}") as step:
         tape = record_episode(
             simulator,
@@ -204,34 +206,35 @@ def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route
     return replace(tape, result=replace(tape.result, episode=episode))
 
 
-def _compare(tapes: list[Tape], wanted: _Wanted, route: Route, before: Before | None, *, measured: bool) -> bool:
-    """Tell where the two parted and whether they are what was driven before; False when one that was asked is not.
+def _print_divergence(clean: Tape, perturbed: Tape) -> None:
+    parted = first_divergence(clean.result, perturbed.result)
+    same = clean.result.trace.digest == perturbed.result.trace.digest
+    alike = "both drove the same" if same else "no divergence: never 0.5 m or 1 m/s apart"
+    print(alike if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
+
+
+def _is_as_before(tapes: list[Tape], route: Route, before: Before, *, measured: bool) -> bool:
+    """Print of each tape whether it is what was driven before; return False where the user asked and one is not.
 
     `measured`: the latency of the wanted setting is measured, and need not be the same.
     """
-    if len(tapes) == 2:
-        parted = first_divergence(tapes[0].result, tapes[1].result)
-        same = tapes[0].result.trace.digest == tapes[1].result.trace.digest
-        alike = "both drove the same" if same else "no divergence: never 0.5 m or 1 m/s apart"
-        print(alike if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
     all_same = True
-    told_of_any = False
-    for tape in tapes if before is not None else ():
-        assert before is not None
-        told = before.verdict(tape.result, route=route)
-        if told is not None:
-            told_of_any = True
-            same, clause = told
+    compared_any = False
+    for tape in tapes:
+        compared = before.compared_with(tape.result, route=route)
+        if compared is not None:
+            compared_any = True
+            same, clause = compared
             print(f"{tape.result.episode.setting}: {clause}")
             if not same and measured and tape is tapes[-1]:
                 print("a measured latency is never the same twice")
                 same = True
-            all_same = all_same and (same or not before.asked)
+            all_same = all_same and same
         elif before.asked and before.episode is None:
             print(f"{tape.result.episode.setting}: not in {before.label}")
-    if before is not None and before.asked and not told_of_any:
+    if before.asked and not compared_any:
         raise UsageError(f"{before.label} holds nothing of what was driven, so nothing was compared: {before.holds}.")
-    return all_same
+    return all_same or not before.asked
 
 
 def _film(tapes: list[Tape], target: Path) -> None:

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import damaged, read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of, run_file
+from pytest_drive_robust.regression.references import StoredRuns, project_home, run_file
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
@@ -43,7 +43,7 @@ class Before:
         first = next(iter(self.digests), None)
         return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
 
-    def verdict(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
+    def compared_with(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
         """Return (same, a clause that says so), or None when that episode is not there."""
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
@@ -96,7 +96,7 @@ def read_episode_file(name: str) -> EpisodeResult:
 
 
 def _run_file(reference: str | None) -> Path | None:
-    runs = StoredRuns(home_of(Path.cwd()))
+    runs = StoredRuns(project_home())
     if reference is None and not runs.names():
         return None
     path = run_file(runs, "latest" if reference is None else reference)

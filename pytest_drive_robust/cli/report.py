@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
-from pytest_drive_robust.cli.references import add_baselines, add_run, references_of
+from pytest_drive_robust.cli.references import add_run, references_of
 from pytest_drive_robust.cli.store import existing_store
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", metavar="DIR", default="drive-report", help="a folder; default: drive-report")
     parser.add_argument("--store", metavar="FOLDER", help="where the episodes are; default: .drive-robust")
     parser.add_argument("--films", metavar="FOLDER", help="the videos that drive-robust replay wrote there")
-    add_baselines(parser)
+    add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_report)
 
 

@@ -9,8 +9,7 @@ from math import hypot
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.domain.route import Route
-from pytest_drive_robust.options.run import DEFAULT_ROUTES
-from pytest_drive_robust.options.table import OPTIONS
+from pytest_drive_robust.options.run import DEFAULT_ROUTES, DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names, set_summary
@@ -84,7 +83,7 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
 def _routes_of_world(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
     """Return routes as a run with this `--drive-sim` names them, which may have its own."""
     asked = DEFAULT_ROUTES if options.routes is None else options.routes
-    if options.sim == OPTIONS["--drive-sim"].default:
+    if options.sim == DEFAULT_SIMULATOR:
         return asked, resolve_routes(asked)
     from pytest_drive_robust.registry.registry import default_registry
     from pytest_drive_robust.runner.before_driving import routes_of

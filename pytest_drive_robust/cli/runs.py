@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.document import damaged, read_document
-from pytest_drive_robust.regression.references import StoredRuns, home_of
+from pytest_drive_robust.regression.references import StoredRuns, project_home
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    runs = StoredRuns(home_of(Path.cwd()))
+    runs = StoredRuns(project_home())
     rows, problems = [], []
     for name in runs.names():
         try:

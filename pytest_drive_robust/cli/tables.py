@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Literal
@@ -11,7 +10,7 @@ from typing import Literal
 from rich.console import Console
 from rich.table import Table
 
-from pytest_drive_robust.report.page import WIDTH
+from pytest_drive_robust.report.page import columns_of_screen
 
 Justify = Literal["left", "right"]
 LEFT: Justify = "left"
@@ -26,12 +25,7 @@ def print_table(columns: Mapping[str, Justify], rows: Iterable[Sequence[str]], *
         table.add_column(column, justify=justify, overflow="fold")
     for row in rows:
         table.add_row(*row)
-    Console(width=columns_of_screen(), markup=False, highlight=False).print(table)
-
-
-def columns_of_screen() -> int:
-    """Return how many columns there are: those of the terminal, or of a page where the output is none."""
-    return shutil.get_terminal_size((WIDTH, 24)).columns if sys.stdout.isatty() else WIDTH
+    Console(width=columns_of_screen(is_terminal=sys.stdout.isatty()), markup=False, highlight=False).print(table)
 
 
 def say(text: str) -> None:

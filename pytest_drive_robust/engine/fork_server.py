@@ -81,7 +81,7 @@ class ForkServer:
         drives = self._drives
         return drives is None or agent in drives
 
-    def start_worker(self, limits: Limits, agent: str, unwanted: Callable[[], bool] = lambda: False) -> WorkerProcess:
+    def start_worker(self, limits: Limits, agent: str, unwanted: Callable[[], bool]) -> WorkerProcess:
         """Start a worker process that can drive the agent.
 
         Raises `UsageError` for a setup that does not work, `NoWorkerError`, `Stopped` soon after `unwanted()` is true.

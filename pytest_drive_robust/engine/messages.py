@@ -30,8 +30,8 @@ _LARGEST_BYTES = 1 << 28
 class WorkerRequest:
     """What a worker is asked for: an `EpisodeRequest` whose setting is the sentence of the episode.
 
-    `width` is that of the batch, which it `shares` with others; None for an episode that is driven by `act`. With
-    `recorded` controls of another process it is scored and not driven by its agent.
+    `width` is how many episodes the batch takes, which it `shares` with others; None for an episode that is driven by
+    `act`. With `recorded` controls of another process it is scored and not driven by its agent.
     """
 
     episode: Episode

@@ -32,9 +32,7 @@ class WorkerProcess:
     loaded compiled kernels, None for all of them.
     """
 
-    def __init__(
-        self, control: socket.socket, limits: Limits, *, tick_cap: int, drives: frozenset[str] | None = None
-    ) -> None:
+    def __init__(self, control: socket.socket, limits: Limits, *, tick_cap: int, drives: frozenset[str] | None) -> None:
         self.drives = drives
         self._lock = threading.Lock()
         self._status: int | None = None

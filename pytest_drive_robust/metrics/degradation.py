@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
-from pytest_drive_robust.errors import ComparisonError
+from pytest_drive_robust.errors import ComparisonError, first_few
 from pytest_drive_robust.metrics.episodes import require_scorable, route_and_seed, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 
@@ -70,9 +70,7 @@ def pair_up(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) 
 
 
 def _listed(keys: Collection[tuple[str, int]]) -> str:
-    shown = ", ".join(f"(route {route}, seed {seed})" for route, seed in sorted(keys)[:_SHOWN])
-    more = len(keys) - _SHOWN
-    return f"{shown} and {more} more" if more > 0 else shown
+    return first_few([f"(route {route}, seed {seed})" for route, seed in sorted(keys)], _SHOWN)
 
 
 def _require_same_pairs(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> None:

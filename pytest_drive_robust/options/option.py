@@ -87,9 +87,9 @@ def _parsed(parse: Callable[..., Any], given: Sequence[GivenText]) -> Any:
         raise UsageError(f"{given[0].flag} is {given[0].text!r}, which cannot be used: {error.strerror}.") from None
 
 
-def was_given(option: Option, source: OptionSource) -> bool:
+def was_given(flag: str, source: OptionSource) -> bool:
     """Return True when the command line or the ini file says something about an option."""
-    return bool(_text(option, source))
+    return bool(_text(OPTIONS[flag], source))
 
 
 def asked_for(flag: str, source: OptionSource) -> bool:

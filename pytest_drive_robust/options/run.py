@@ -83,10 +83,10 @@ class RunOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
         options = cls(
             **read_fields(cls, config),
-            routes_given=was_given(OPTIONS["--drive-routes"], config),
-            seeds_given=was_given(OPTIONS["--drive-seeds"], config),
-            agent_given=was_given(OPTIONS["--drive-agent"], config),
-            reading_given=was_given(OPTIONS["--drive-reading"], config),
+            routes_given=was_given("--drive-routes", config),
+            seeds_given=was_given("--drive-seeds", config),
+            agent_given=was_given("--drive-agent", config),
+            reading_given=was_given("--drive-reading", config),
         )
         paths = [path for path in (options.json_path, options.csv_path, options.report_path) if path is not None]
         if len(set(map(os.path.realpath, paths))) < len(paths):

@@ -5,9 +5,8 @@ What few sessions use is imported by those, as every module takes a millisecond 
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from typing import NamedTuple
 
 import pytest
 
@@ -52,11 +51,11 @@ def activate(config: pytest.Config) -> None:
 
         check_plan_alone(config)
     checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
-    drive_here = partial(_drive_here, config, options, execution, regression, checks, waivers)
+    session = _Session(config, options, execution, regression, checks, waivers)
     if not is_worker(config):
-        _report_here(config, options, execution, regression, checks, drive_here)
+        session.report()
         return
-    folder = xdist.join_run(config, options, partial(drive_here, shared=True))
+    folder = xdist.join_run(config, options, session.drive)
     if not options.is_external:
         from pytest_drive_robust.plugin.idle_workers import IdleWorkerPlugin
 
@@ -65,66 +64,61 @@ def activate(config: pytest.Config) -> None:
         config.pluginmanager.register(idle, "drive_robust_idle_worker")
 
 
-def _report_here(
-    config: pytest.Config,
-    options: RunOptions,
-    execution: ExecutionOptions,
-    regression: RegressionOptions,
-    checks: RegressionChecks,
-    drive_here: Callable[..., None],
-) -> None:
-    """Drive here or follow what the workers drive: in the one process that people look at."""
-    if options.report_path is not None:
-        from pytest_drive_robust.report.pages.folder import check_folder  # loads what pages are made with
+class _Session(NamedTuple):
+    """What was asked of this process."""
 
-        check_folder(options.report_path, source="--drive-report")
-    first_line = " ".join((header(options), *regression.in_words()))
-    record: LocalRunRecord | xdist.SharedRunRecord
-    if is_controller(config):
-        execution.check_workers()
-        record = xdist.start_run(config, options)
-    else:
-        name = new_run_name()
-        begin_run(name)
-        record = local = LocalRunRecord(progress_for(config), open_store(options, config.rootpath, run=name))
-        drive_here(local.store, local, shared=False)
-    outputs = RunOutputs(options, record, versions={"pytest": pytest.__version__}, checks=checks)
-    config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
-    if options.probe:
-        from pytest_drive_robust.plugin.probe_option import ProbePlugin
+    config: pytest.Config
+    options: RunOptions
+    execution: ExecutionOptions
+    regression: RegressionOptions
+    checks: RegressionChecks
+    waivers: Waivers
 
-        config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
+    def report(self) -> None:
+        """Drive here or follow what the workers drive: in the one process that people look at."""
+        config, options = self.config, self.options
+        if options.report_path is not None:
+            from pytest_drive_robust.report.pages.folder import check_folder  # loads what pages are made with
 
+            check_folder(options.report_path, source="--drive-report")
+        first_line = " ".join((header(options), *self.regression.in_words()))
+        record: LocalRunRecord | xdist.SharedRunRecord
+        if is_controller(config):
+            self.execution.check_workers()
+            record = xdist.start_run(config, options)
+        else:
+            name = new_run_name()
+            begin_run(name)
+            store = open_store(options, config.rootpath, run=name)
+            record = local = LocalRunRecord(progress_for(config), store)
+            self.drive(store, local)
+        outputs = RunOutputs(options, record, self.checks)
+        config.pluginmanager.register(ReportingPlugin(config, outputs, first_line), "drive_robust_reporting")
+        if options.probe:
+            from pytest_drive_robust.plugin.probe_option import ProbePlugin
 
-def _drive_here(
-    config: pytest.Config,
-    options: RunOptions,
-    execution: ExecutionOptions,
-    regression: RegressionOptions,
-    checks: RegressionChecks,
-    waivers: Waivers,
-    store: EpisodeStore,
-    observer: Observer,
-    *,
-    shared: bool,
-) -> None:
-    scopes, executor = backend_for(config, options, execution, shared=shared, store=store, ticked=observer.ticked)
-    keeps = options.store != "off"  # for other runs, which know the episodes of an agent by its keys
-    campaign = Campaign(
-        store,
-        executor,
-        observer,
-        metrics=options.metrics,
-        whole=regression.drives_all,
-        budget_s=execution.budget_s,
-        require_unchanged=scopes.require_unchanged if keeps else lambda agent: None,
-    )
-    config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign, waivers)
-    config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
-    collection = CollectionPlugin(checks)
-    config.pluginmanager.register(collection, "drive_robust_collection")
-    if options.plan:
-        from pytest_drive_robust.plugin.plan_option import PlanPlugin
+            config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
 
-        plan = PlanPlugin(config, campaign, store, collection.requests, collection.verdict_plans, executor)
-        config.pluginmanager.register(plan, "drive_robust_planning")
+    def drive(self, store: EpisodeStore, observer: Observer) -> None:
+        """Drive with `store` and tell `observer` of it."""
+        config, options, execution = self.config, self.options, self.execution
+        scopes, executor = backend_for(config, options, execution, store=store, ticked=observer.ticked)
+        keeps = options.store != "off"  # for other runs, which know the episodes of an agent by its keys
+        campaign = Campaign(
+            store,
+            executor,
+            observer,
+            metrics=options.metrics,
+            whole=self.regression.drives_all,
+            budget_s=execution.budget_s,
+            require_unchanged=scopes.require_unchanged if keeps else lambda agent: None,
+        )
+        config.stash[DRIVE_CONTEXT] = DriveContext(options, scopes, campaign, self.waivers)
+        config.pluginmanager.register(DrivingPlugin(campaign, executor.last_words), "drive_robust_driving")
+        collection = CollectionPlugin(self.checks)
+        config.pluginmanager.register(collection, "drive_robust_collection")
+        if options.plan:
+            from pytest_drive_robust.plugin.plan_option import PlanPlugin
+
+            plan = PlanPlugin(config, campaign, store, collection.requests, collection.verdict_plans, executor)
+            config.pluginmanager.register(plan, "drive_robust_planning")

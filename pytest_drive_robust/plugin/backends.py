@@ -18,7 +18,7 @@ from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.option import asked_for
 from pytest_drive_robust.options.run import BENCH2DRIVE, DEFAULT_STORE, RESULTS, RunOptions
 from pytest_drive_robust.options.table import OPTIONS
-from pytest_drive_robust.plugin.process_roles import is_controller
+from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executor import Executor
@@ -124,14 +124,12 @@ def backend_for(
     options: RunOptions,
     execution: ExecutionOptions,
     *,
-    shared: bool,
     store: EpisodeStore,
     ticked: Callable[[], object],
 ) -> tuple[Scopes, Executor]:
     """Return the scopes of tests and the executor of their episodes; nothing is started before the first one.
 
-    `shared`: other processes of this run drive beside us. `ticked` is called after every tick that this process drives
-    itself. Raises `UsageError`.
+    `ticked` is called after every tick that this process drives itself. Raises `UsageError`.
     """
     if options.is_external:
         return _external_backend(config, options, execution)
@@ -142,7 +140,7 @@ def backend_for(
         lockstep=execution.lockstep is not None,
         is_stored=lambda key: store.get(key) is not None,
     )
-    return scopes, _executor(config, options, execution, shared=shared, agents=lambda: scopes.agents, ticked=ticked)
+    return scopes, _executor(config, options, execution, agents=lambda: scopes.agents, ticked=ticked)
 
 
 def _external_backend(
@@ -190,7 +188,6 @@ def _executor(
     options: RunOptions,
     execution: ExecutionOptions,
     *,
-    shared: bool,
     agents: Callable[[], tuple[str, ...]],
     ticked: Callable[[], object],
 ) -> Executor:
@@ -227,7 +224,7 @@ def _executor(
     return ProcessExecutor(
         worker_setup,
         limits,
-        slots=execution.slots(shared=shared),
+        slots=execution.slots(shared=is_worker(config)),
         width=execution.lockstep,
         shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
     )

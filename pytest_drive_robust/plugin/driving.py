@@ -121,8 +121,7 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     given = next((value for value in callspec.params.values() if isinstance(value, Requirement)), None)
     if given is None:
         return None
-    advice = "the test ended without it. Call drive.check(requirement), or skip the test."
-    return NotJudgedError(legible(f"ERROR: not judged: {given}\n{advice}"), pytrace=False)
+    return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
 
 
 def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:

@@ -223,7 +223,7 @@ class Drive:
                 yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))
-            told = NotJudgedError(legible(f"ERROR: not judged: {what}\n{error}"), pytrace=False)
+            told = NotJudgedError(what, error)
             self._item.stash[NOT_JUDGED_ERROR] = told
             self._item.stash.setdefault(RAISED, []).append(told)
             raise told from None
@@ -250,7 +250,7 @@ class Drive:
         __tracebackhide__ = True
         verdict = judgement.verdict
         waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
-        if waiver is not None and self._context.waivers.holds(waiver):
+        if waiver is not None and waiver.holds:
             self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
             return
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
@@ -319,7 +319,7 @@ class DriveContext(NamedTuple):
         try:
             return Drive(self, item)
         except UsageError as error:
-            raise NotJudgedError(legible(f"ERROR: not judged: {item.name}\n{error}"), pytrace=False) from None
+            raise NotJudgedError(item.name, error) from None
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:

@@ -9,8 +9,9 @@ import pytest
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.plugin.process_roles import is_controller
-from pytest_drive_robust.plugin.terminal import columns_of_screen
+from pytest_drive_robust.plugin.terminal import is_terminal
 from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
+from pytest_drive_robust.report.page import columns_of_screen
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executor import Executor
@@ -57,7 +58,7 @@ class PlanPlugin:
                 slots=self.executor.slots,
                 together=self.executor.together,
                 colour=reporter.hasmarkup,
-                width=columns_of_screen(reporter),
+                width=columns_of_screen(is_terminal=is_terminal(reporter)),
             )
             reporter.section("drive-robust plan")
             reporter.write_line(text)

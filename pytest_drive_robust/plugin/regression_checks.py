@@ -80,7 +80,7 @@ class RegressionChecks:
 
     def _waived(self, judged: Judged) -> bool:
         waiver = self._waivers.find(judged.requirement, judged.nodeid, agent=judged.agent)
-        return waiver is not None and self._waivers.holds(waiver)
+        return waiver is not None and waiver.holds
 
     def _load(self, simulator: str) -> Snapshot:
         before = self._references.load(self._regression.compare, simulator=simulator)

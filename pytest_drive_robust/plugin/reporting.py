@@ -12,10 +12,11 @@ from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
-from pytest_drive_robust.plugin.terminal import columns_of_screen
+from pytest_drive_robust.plugin.terminal import is_terminal
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.plugin.verdict_errors import UNHEEDED, is_open
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.page import columns_of_screen
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
@@ -115,7 +116,7 @@ class ReportingPlugin:
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""
-        width = columns_of_screen(terminalreporter)
+        width = columns_of_screen(is_terminal=is_terminal(terminalreporter))
         text = self._outputs.text(colour=terminalreporter.hasmarkup, width=width)
         if text:
             terminalreporter.section("drive-robust")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
@@ -32,7 +32,8 @@ MEND_TESTS = "Its tests could not be collected: see the errors above."
 
 T = TypeVar("T")
 
-_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "highway-env")
+_LIBRARIES = ("numpy", "numba", "opencv-python-headless", "highway-env", "pytest")
+"""What a run tells the versions of, whether or not they could change a bit of it."""
 
 
 class LocalRunRecord:
@@ -68,13 +69,10 @@ class RunOutputs:
         self,
         options: RunOptions,
         record: LocalRunRecord | SharedRunRecord,
-        *,
-        versions: Mapping[str, str],
         checks: RegressionChecks,
     ) -> None:
         self._options = options
         self._record = record
-        self._versions = versions
         self._checks = checks
         self._run: RunResult | None = None
         self._problems: list[str] = []
@@ -154,14 +152,10 @@ class RunOutputs:
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:
-        versions = {"pytest-drive-robust": __version__, **_libraries(), **self._versions}
+        libraries = {name: metadata.version(name) for name in _LIBRARIES}
+        versions = {"pytest-drive-robust": __version__, **libraries}
         events, notes = self._record.events(), tuple(self._notes)
         return RunResult.of(self._options, events, self._record.store.get, versions=versions, notes=notes)
-
-
-def _libraries() -> dict[str, str]:
-    """Return the versions that are installed for this run, whether or not they could change a bit of it."""
-    return {name: metadata.version(name) for name in _LIBRARIES}
 
 
 def _reason(error: Exception) -> str:

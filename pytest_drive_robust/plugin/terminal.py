@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
@@ -12,11 +11,10 @@ from typing import Any, TextIO
 
 import pytest
 
-from pytest_drive_robust.report.page import WIDTH
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, Progress
 
 _DUMB = ("dumb", "unknown")
-"""What `TERM` says of terminals without movements, as rich has it, which draws."""
+"""Values of `TERM` for terminals that cannot move the cursor; `rich`, which draws, has the same two."""
 
 
 @contextmanager
@@ -33,11 +31,6 @@ def uncaptured_screen(reporter: Any, capture: Any, writer: Any) -> Iterator[Text
         sys.stdout.flush()
 
 
-def columns_of_screen(reporter: pytest.TerminalReporter) -> int:
-    """Return how many columns a report may have: those of the terminal; what goes into a file has those of a page."""
-    return shutil.get_terminal_size((WIDTH, 24)).columns if _is_terminal(reporter) else WIDTH
-
-
 def progress_for(config: pytest.Config) -> Progress:
     """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`.
 
@@ -48,10 +41,10 @@ def progress_for(config: pytest.Config) -> Progress:
         return Progress()
     capture = config.pluginmanager.get_plugin("capturemanager")
     screen = partial(uncaptured_screen, reporter, capture, config.get_terminal_writer())
-    draws = _is_terminal(reporter) and os.environ.get("TERM") not in _DUMB
+    draws = is_terminal(reporter) and os.environ.get("TERM") not in _DUMB
     return LiveProgress(screen) if draws else PlainProgress(screen)
 
 
-def _is_terminal(reporter: Any) -> bool:
+def is_terminal(reporter: Any) -> bool:
     """Return False where it does not say: another plugin may have put its own reporter in the place of pytest's."""
     return bool(getattr(reporter, "isatty", False))

@@ -47,7 +47,7 @@ def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
 
 
 def told_of_hook(error: Exception) -> Exception:
-    """Return the usage error that tells what a hook that registers names raised, and where; any other error as it is.
+    """Return a usage error with the place where our hook raised `error`; an error from elsewhere is returned as it is.
 
     A conftest.py that is loaded while tests are collected needs none: pytest shows its line.
     """

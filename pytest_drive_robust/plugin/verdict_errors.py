@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.verdict.evaluate import Verdict
 
 INCONCLUSIVE = "drive_inconclusive"
@@ -19,19 +20,25 @@ class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-define
 
 
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """There is no number to judge. Shown as an error of the test, not as a failure of the agent."""
+    """There is no number to judge. Shown as an error of the test, not as a failure of the agent.
+
+    `what` was to be judged; `why` says what went wrong and what to do.
+    """
+
+    def __init__(self, what: object, why: object) -> None:
+        super().__init__(legible(f"ERROR: not judged: {what}\n{why}"), pytrace=False)
 
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
 """In `item.stash`: why the test could not be judged when it asked last, None where it could."""
 RAISED = pytest.StashKey[list[BaseException]]()
-"""In `item.stash`: what the test was told by an error and no report told of yet."""
+"""In `item.stash`: the errors that we raised in the test and that no report has shown yet."""
 UNHEEDED = "drive_unheeded"
-"""The property of the report on a test that passed although it was told by an error: the first line of that."""
+"""The property of the report on a test that passed although we raised an error in it: the first line of the error."""
 WAIVED = pytest.StashKey[list[str]]()
 """In `item.stash`: the waivers of what the test found broken since the last report on it, signed."""
 
 
 def is_open(report: pytest.TestReport) -> bool:
-    """Return True for the report of a test that left a verdict open; one of a subtest has what others noted."""
+    """Return True for the report of a test that left a verdict open; the report of a subtest does not say so."""
     return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)

@@ -15,13 +15,16 @@ from typing import Any
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
 
+KINDS = ("agents", "perturbations", "simulators", "metrics")
+"""The kinds of entries; those of a distribution stand in the entry point group `pytest_drive_robust.<kind>`."""
+
 _BETWEEN = "+"
 _GROUP = "pytest_drive_robust"
 _FLAGS = {"true": True, "false": False}
 
 
 class ConfiguredFactory(functools.partial[Any]):
-    """A factory with some of its options chosen; what it tells about its agents is what the factory tells."""
+    """A factory with some of its options chosen. All other attributes are those of the factory."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.func, name)
@@ -116,7 +119,7 @@ class Entry:
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def bound_to(self, argument: str) -> Entry:
-        """Return the entry `name:argument`, which loads what this one's object makes of the argument."""
+        """Return the entry `name:argument`: to load it is to load this entry and call its object with the argument."""
 
         def load() -> object:
             target = self.loader()
@@ -144,15 +147,15 @@ class Entry:
             ) from error
 
 
-def from_entry_points(kinds: Iterable[str]) -> dict[str, list[Entry]]:
-    """Return by kind what installed distributions declare in the group `pytest_drive_robust.<kind>`, unloaded."""
+def from_entry_points() -> dict[str, list[Entry]]:
+    """Return by kind what installed distributions declare, unloaded."""
     installed = metadata.entry_points()  # reads a file of each distribution, however few groups are asked for
-    return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in kinds}
+    return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in KINDS}
 
 
-def unknown_groups(kinds: Iterable[str]) -> list[PluginError]:
+def unknown_groups() -> list[PluginError]:
     """Return what installed distributions declare in groups that are called almost as ours, which nobody reads."""
-    known = [f"{_GROUP}.{kind}" for kind in kinds]
+    known = [f"{_GROUP}.{kind}" for kind in KINDS]
     installed = metadata.entry_points()
     told = []
     for group in sorted(installed.groups):

@@ -32,6 +32,7 @@ from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import kebab_name
 from pytest_drive_robust.registry.entries import (
+    KINDS,
     Entry,
     definition_of,
     from_entry_points,
@@ -48,9 +49,7 @@ SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[Simulator
 """A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
 
 AgentFactories = Callable[[str], AgentFactory]
-"""Makes such a factory of the text after the colon of a name: what it wraps and carries is that of one agent."""
-
-KINDS = ("agents", "perturbations", "simulators", "metrics")
+"""Makes the factory of one agent, given the text after the colon of its name."""
 
 _BUILT_IN = "built in"
 _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
@@ -136,8 +135,7 @@ class Registry:
 
         Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
         """
-        entry = self.entry("agents", name)
-        return cast("Agent", _made(entry, entry.load(), (), protocol=Agent))
+        return cast("Agent", _made(self.entry("agents", name), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
         """Return a new world.
@@ -147,8 +145,7 @@ class Registry:
         """
         entry = self.entry("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
-        options = options or SimulatorOptions()
-        return cast("Simulator", _made(entry, entry.load(), (options, *argument), protocol=Simulator))
+        return cast("Simulator", _made(entry, options or SimulatorOptions(), *argument, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
@@ -229,7 +226,7 @@ class Registry:
             if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
                 return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            misplaced = [str(problem) for problem in unknown_groups(KINDS)]
+            misplaced = [str(problem) for problem in unknown_groups()]
             hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
             raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
         if len(known[name]) > 1:
@@ -241,15 +238,12 @@ class Registry:
 
     def require(self, kind: str, name: str) -> None:
         """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
-        entry = self.entry(kind, name)
-        factory = entry.load()
-        if not callable(factory):
-            raise PluginError(_not_callable(entry, factory))
+        _factory_of(self.entry(kind, name))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return what no sentence can use, for the report: of perturbations, as `perturbations` found them last."""
         found = [self._problems[name] for name in sorted(self._problems)]
-        return (*found, *self._misnamed_metrics(), *unknown_groups(KINDS))
+        return (*found, *self._misnamed_metrics(), *unknown_groups())
 
     def _misnamed_metrics(self) -> Iterator[PluginError]:
         for entry in itertools.chain.from_iterable(self._all("metrics").values()):
@@ -280,7 +274,7 @@ class Registry:
         if kind not in KINDS:
             raise UnknownNameError.of("kind of entry", kind, KINDS)
         if self._installed is None:
-            self._installed = from_entry_points(KINDS)
+            self._installed = from_entry_points()
         if kind not in self._declared:
             self._declared[kind] = (*_builtins(kind), *self._installed[kind])
         found: dict[str, list[Entry]] = {}
@@ -379,15 +373,17 @@ def _called(entry: Entry) -> str:
     return f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
 
 
-def _not_callable(entry: Entry, factory: object) -> str:
-    return f"{_called(entry)} is {factory!r}, expected a class or a function that makes one."
-
-
-def _made(entry: Entry, factory: object, arguments: tuple[object, ...], *, protocol: type) -> object:
-    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
-    what = _called(entry)
+def _factory_of(entry: Entry) -> Callable[..., object]:
+    """Load what makes the objects of an entry. Raises `PluginError` for what cannot be called."""
+    factory = entry.load()
     if not callable(factory):
-        raise PluginError(_not_callable(entry, factory))
+        raise PluginError(f"{_called(entry)} is {factory!r}, expected a class or a function that makes one.")
+    return factory
+
+
+def _made(entry: Entry, *arguments: object, protocol: type) -> object:
+    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    factory, what = _factory_of(entry), _called(entry)
     try:
         made: object = factory(*arguments)
     except DriveRobustError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from statistics import fmean
 
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UsageError, first_few
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
@@ -47,12 +47,11 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
 
 def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
     def told(snapshot: Snapshot) -> str:
-        cells = list(snapshot.cells.values())
-        shown = ", ".join(
-            f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes{_broken(cell)})" for cell in cells[:4]
-        )
-        more = f" and {len(cells) - 4} more" if len(cells) > 4 else ""
-        return f"{snapshot.label} holds {shown or 'nothing'}{more}"
+        cells = [
+            f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes{_broken(cell)})"
+            for cell in snapshot.cells.values()
+        ]
+        return f"{snapshot.label} holds {first_few(cells, 4) or 'nothing'}"
 
     return f"there is nothing to compare: {told(before)}; {told(after)}. Expected a setting with common routes."
 
@@ -78,8 +77,7 @@ def _broken(cell: Cell) -> str:
 
 
 def _not_scored(cell: Cell) -> str:
-    more = f" and {len(cell.broken) - 1} more" if len(cell.broken) > 1 else ""
-    return f"not scored: {cell.broken[0]}{more}"
+    return f"not scored: {first_few(cell.broken, 1)}"
 
 
 def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms: Terms) -> CellComparison:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,17 +81,10 @@ def routes_of_one_id(label: str, route_id: str, where: str = "") -> UsageError:
 
 def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     """Return cells in the order of the summaries."""
-    found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {}
-    specs: dict[CellKey, str] = {}
-    undriven: Counter[CellKey] = Counter()
-    stopped: dict[CellKey, list[str]] = {}
+    rows: dict[CellKey, list[Mapping[str, Any]]] = {}
     for row in document["summaries"]:
-        found.setdefault((row["agent"], row["setting"]), {})
-        specs.setdefault((row["agent"], row["setting"]), row["routes_spec"])
-        undriven[row["agent"], row["setting"]] += row.get("episodes_needed", 0) - row.get("episodes_finished", 0)
-        if _stopped_early(row):
-            told_of = f"{row['routes']} of {row['routes_planned']} routes of {row['routes_spec']}"
-            stopped.setdefault((row["agent"], row["setting"]), []).append(told_of)
+        rows.setdefault((row["agent"], row["setting"]), []).append(row)
+    found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {key: {} for key in rows}
     for episode in document["episodes"]:
         of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
         if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
@@ -100,30 +92,49 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
             raise routes_of_one_id(label, episode["route_id"], where)
         of_route.append(episode)
     digests = document.get("fingerprint", {}).get("routes", {})
-    prints = {agent: _fingerprint(document, agent) for agent, _ in found}
-    cells = {}
-    for key, routes in found.items():
-        broken = [item for items in routes.values() for item in items if item["driving_score"] is None]
-        scores = {
-            route_id: RouteScore.of(
-                route_id,
-                scored[0]["scenario"],
-                [_taken(item) for item in scored],
-                digest=digests.get(route_id, ""),
-                fingerprint=prints[key[0]],
-            )
-            for route_id, items in routes.items()
-            if (scored := [item for item in items if item["driving_score"] is not None])
-        }
-        told = tuple(f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}" for item in broken)
-        if left := undriven.get(key):
-            episodes = "episode was" if left == 1 else "episodes were"
-            told += (f"{left} {episodes} not driven, as the run ended before, or a verdict was an error",)
-        cells[key] = Cell(*key, specs.get(key, ""), scores, told, tuple(stopped.get(key, ())))
+    prints = {agent: _fingerprint(document, agent) for agent in {agent for agent, _ in found}}
+    cells = {key: _cell(key, rows.get(key, []), routes, digests, prints[key[0]]) for key, routes in found.items()}
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     date, commit = str(stored.get("date") or ""), str(stored.get("commit") or "")
     # runs that were saved before this was told do not say
     return Snapshot(label, cells, date=date, commit=commit, ended_early=document.get("ended_early") is True)
+
+
+def _cell(
+    key: CellKey,
+    rows: Sequence[Mapping[str, Any]],
+    routes: Mapping[str, Sequence[Mapping[str, Any]]],
+    digests: Mapping[str, str],
+    fingerprint: Fingerprint,
+) -> Cell:
+    """Return what `rows` of the summaries and the episodes of each route tell of an agent under a setting."""
+    scores = {
+        route_id: RouteScore.of(
+            route_id,
+            scored[0]["scenario"],
+            [_taken(item) for item in scored],
+            digest=digests.get(route_id, ""),
+            fingerprint=fingerprint,
+        )
+        for route_id, items in routes.items()
+        if (scored := [item for item in items if item["driving_score"] is not None])
+    }
+    broken = [
+        f"{item['route_id']}, seed {item['seed']}: {item['end_detail']}"
+        for items in routes.values()
+        for item in items
+        if item["driving_score"] is None
+    ]
+    if left := sum(row.get("episodes_needed", 0) - row.get("episodes_finished", 0) for row in rows):
+        episodes = "episode was" if left == 1 else "episodes were"
+        broken.append(f"{left} {episodes} not driven, as the run ended before, or a verdict was an error")
+    stopped = [
+        f"{row['routes']} of {row['routes_planned']} routes of {row['routes_spec']}"
+        for row in rows
+        if _stopped_early(row)
+    ]
+    specs = [row["routes_spec"] for row in rows]
+    return Cell(*key, specs[0] if specs else "", scores, tuple(broken), tuple(stopped))
 
 
 def _stopped_early(row: Mapping[str, Any]) -> bool:

@@ -55,7 +55,7 @@ def _baselines(given: GivenText) -> Path:
 
 
 def _waivers(given: GivenText) -> Path | None:
-    """Return the file that was named, which must be there, or the usual one where it is."""
+    """Return the file that was named, which must exist, or else the usual one where that exists."""
     if given.text:
         path = start_folder(given) / given.text
         if not path.is_file():

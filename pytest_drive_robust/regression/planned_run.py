@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import chain, islice
+from itertools import chain
 
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UsageError, first_few
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches, stuck_stops
 from pytest_drive_robust.regression.shared_routes import (
     cut_off,
@@ -93,13 +93,9 @@ def _of_routes(before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]]
 
 
 def _nothing_in_common(before: Snapshot, planned: Collection[tuple[str, str]]) -> str:
-    asked = ", ".join(f"{agent} under {setting}" for agent, setting in islice(planned, _MOST_CELLS))
-    held = ", ".join(f"{agent} under {setting}" for agent, setting in islice(before.cells, _MOST_CELLS))
+    asked = first_few([f"{agent} under {setting}" for agent, setting in planned], _MOST_CELLS)
+    held = first_few([f"{agent} under {setting}" for agent, setting in before.cells], _MOST_CELLS)
     return (
         f"{_LABEL} could not be compared with {before.label}, with which it has no agent, setting and route in common: "
-        f"it drives {asked}{_more(planned)}; {before.label} holds {held or 'nothing'}{_more(before.cells)}."
+        f"it drives {asked}; {before.label} holds {held or 'nothing'}."
     )
-
-
-def _more(cells: Collection[object]) -> str:
-    return f" and {len(cells) - _MOST_CELLS} more" if len(cells) > _MOST_CELLS else ""

@@ -51,26 +51,7 @@ def propose_limits(
     }
     if not cells:
         raise UnknownNameError.of("agent", agent, run.agents, hint=f"The run is {run.label!r}.")
-    if run.ended_early:
-        raise UsageError(
-            f"the run {run.label!r} is incomplete: it ended before all of its tests had, so requirements are missing. "
-            "Such a run gives no limits: run its command again."
-        )
-    broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
-    if broken:
-        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
-        raise UsageError(
-            f"the run {run.label!r} is incomplete: {agent} under {broken[0]}{more}. Such a run gives no limits: run "
-            "its command again."
-        )
-    stopped = [f"{told} under {setting}" for setting, cell in cells.items() for told in cell.stopped]
-    if stopped:
-        more = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
-        raise UsageError(
-            f"the run {run.label!r} was driven until its verdicts were in: {agent} on {stopped[0]}{more}. Which routes "
-            "it drove depends on the limits that it had, so it gives no others. Drive it with --drive-save or "
-            "--drive-verdict=point."
-        )
+    _require_whole(run, agent, cells)
     proposed = [_proposed(setting, cells, rule) for setting in cells]
     found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)
     if not found:
@@ -96,37 +77,54 @@ def kept_requirements(
     return tuple(dict.fromkeys(sentences))
 
 
+def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> None:
+    if run.ended_early:
+        raise UsageError(
+            f"the run {run.label!r} is incomplete: it ended before all of its tests had, so requirements are missing. "
+            "Such a run gives no limits: run its command again."
+        )
+    broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
+    if broken:
+        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+        raise UsageError(
+            f"the run {run.label!r} is incomplete: {agent} under {broken[0]}{more}. Such a run gives no limits: run "
+            "its command again."
+        )
+    stopped = [f"{told} under {setting}" for setting, cell in cells.items() for told in cell.stopped]
+    if stopped:
+        more = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
+        raise UsageError(
+            f"the run {run.label!r} was driven until its verdicts were in: {agent} on {stopped[0]}{more}. Which routes "
+            "it drove depends on the limits that it had, so it gives no others. Drive it with --drive-save or "
+            "--drive-verdict=point."
+        )
+
+
 def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule) -> ProposedLimit | None:
-    scores = {route: score.ds for route, score in cells[setting].routes.items()}
-    clean = (
-        {route: score.ds for route, score in cells[setting.baseline].routes.items()}
-        if setting.baseline in cells
-        else {}
-    )
-    shared = [route for route in scores if route in clean]
-    if len(shared) < _FEWEST_ROUTES or fmean(clean[route] for route in shared) < rule.clean_floor:
+    """Return the strictest limit that the scores pass, or None where there is none."""
+    clean = cells[setting.baseline].routes if setting.baseline in cells else {}
+    pairs = [(score.ds, clean[route].ds) for route, score in cells[setting].routes.items() if route in clean]
+    if len(pairs) < _FEWEST_ROUTES:
         return None
-    count, mean = len(shared), fmean(clean[route] for route in shared)
-    pairs = [(scores[route], clean[route]) for route in shared]
+    mean = fmean(before for _, before in pairs)
+    if mean < rule.clean_floor or (setting == setting.baseline and not setting.is_clean):
+        return None
     if setting.is_clean:
-        spare = _spare(count, stdev(scores.values()), 100.0, rule)
-        for steps in range(math.floor(round((mean - spare) / (100.0 * _STEP), 6)), 0, -1):
-            limit = steps * 100.0 * _STEP
-            requirement = Requirement("DS", setting, ">=", limit)
-            if _is_passed(requirement, pairs, rule):
-                return ProposedLimit(requirement, mean, mean - limit, count)
-        return None
-    if setting == setting.baseline:
-        return None
-    value = 1.0 - fmean(scores[route] for route in shared) / mean
-    noise = stdev(score - (1.0 - value) * before for score, before in pairs) / mean
-    for steps in range(
-        max(0, math.ceil(round((value + _spare(count, noise, 1.0, rule)) / _STEP, 6))), round(1 / _STEP)
-    ):
-        limit = round(steps * _STEP, 2)
-        requirement = Requirement("RD", setting, "<=", limit)
+        value = mean
+        spare = _spare(len(pairs), stdev(score for score, _ in pairs), 100.0, rule)
+        most = math.floor(round((value - spare) / (100.0 * _STEP), 6))
+        candidates = (Requirement("DS", setting, ">=", steps * 100.0 * _STEP) for steps in range(most, 0, -1))
+    else:
+        value = 1.0 - fmean(score for score, _ in pairs) / mean
+        spare = _spare(len(pairs), stdev(score - (1.0 - value) * before for score, before in pairs) / mean, 1.0, rule)
+        least = max(0, math.ceil(round((value + spare) / _STEP, 6)))
+        candidates = (
+            Requirement("RD", setting, "<=", round(steps * _STEP, 2)) for steps in range(least, round(1 / _STEP))
+        )
+    for requirement in candidates:
         if _is_passed(requirement, pairs, rule):
-            return ProposedLimit(requirement, value, limit - value, count)
+            distance = requirement.limit - value if requirement.needs_clean else value - requirement.limit
+            return ProposedLimit(requirement, value, distance, len(pairs))
     return None
 
 

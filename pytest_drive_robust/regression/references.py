@@ -37,8 +37,9 @@ _END = 1024
 """So many bytes at the end of a stored run hold its name, its date and its commit."""
 
 
-def home_of(folder: Path) -> Path:
-    """Return the nearest folder upwards that has stored runs or blessed baselines; `folder` itself where none has."""
+def project_home() -> Path:
+    """Return the nearest folder upwards that has stored runs or blessed baselines; the current one where none has."""
+    folder = Path.cwd()
     for candidate in (folder, *folder.parents):
         if (candidate / DEFAULT_STORE).is_dir() or (candidate / "suites" / "baselines").is_dir():
             return candidate
@@ -47,7 +48,7 @@ def home_of(folder: Path) -> Path:
 
 def project_store() -> Path:
     """Return where the project around the current folder keeps its episodes, unless its options say otherwise."""
-    return home_of(Path.cwd()) / DEFAULT_STORE
+    return project_home() / DEFAULT_STORE
 
 
 def check_run_name(name: str, *, source: str) -> str:
@@ -141,7 +142,7 @@ def run_file(runs: StoredRuns, reference: str) -> Path:
 
 def read_run_document(reference: str) -> dict[str, Any]:
     """Read a stored run of the project around the current folder, `"latest"` or a JSON file. Raises `UsageError`."""
-    return read_document(run_file(StoredRuns(home_of(Path.cwd())), reference))
+    return read_document(run_file(StoredRuns(project_home()), reference))
 
 
 BASELINES = Path("suites", "baselines")
@@ -177,8 +178,7 @@ class References:
 
     def takes(self, reference: str, path: Path) -> bool:
         """Return True where a reference stands for the stored run in `path`, which is there."""
-        if reference == AUTO:
-            reference = _BASELINE if any(self.baselines.glob("*.json")) else "latest"
+        reference = self._meant(reference)
         return reference.partition(":")[0] != _BASELINE and run_file(self.runs, reference).resolve() == path.resolve()
 
     def load_run(self, reference: str) -> Snapshot:
@@ -191,12 +191,8 @@ class References:
 
     def document(self, reference: str) -> dict[str, Any] | None:
         """Return the whole document behind a reference; None where it is a baseline, or is not there any more."""
-        word = reference.partition(":")[0]
-        if word == AUTO:
-            if any(self.baselines.glob("*.json")):
-                return None
-            reference = "latest"
-        if word == _BASELINE:
+        reference = self._meant(reference)
+        if reference.partition(":")[0] == _BASELINE:
             return None
         try:
             path = run_file(self.runs, reference)
@@ -209,8 +205,14 @@ class References:
         path = self.runs.find(name)
         return snapshot_of(read_document(path), label=path.stem)
 
+    def _meant(self, reference: str) -> str:
+        """Return what `auto` stands for; any other reference as it is."""
+        if reference != AUTO:
+            return reference
+        return _BASELINE if any(self.baselines.glob("*.json")) else "latest"
+
     def _auto(self, simulator: str | None) -> Snapshot:
-        if any(self.baselines.glob("*.json")):
+        if self._meant(AUTO) == _BASELINE:
             return self._blessed("", simulator)
         if not self.runs.names():
             raise UsageError(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.regression.fingerprint import Mismatch
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
 from pytest_drive_robust.runner.plan import planned_order
@@ -122,7 +123,7 @@ def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
     shared = [(route, old.routes[route].digest, digest) for route, digest in digests.items() if route in old.routes]
     others = [route for route, was, now in shared if was and now and was != now]
     if others:
-        shown = ", ".join(others[:_MOST_ROUTES]) + _and_more(others)
+        shown = first_few(others, _MOST_ROUTES)
         yield Mismatch("routes", f"{len(others)} of {len(shared)} routes are others by the same id: {shown}")
 
 
@@ -130,12 +131,8 @@ def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:
     """Yield how many routes of `one` the `other` lacks, and which; nothing where it lacks none."""
     lacking = [route for route in one.routes if route not in other]
     if lacking:
-        shown = ", ".join(lacking[:_MOST_ROUTES]) + _and_more(lacking)
+        shown = first_few(lacking, _MOST_ROUTES)
         yield f"{len(lacking)} of {len(one.routes)} under {one.setting} ({shown})"
-
-
-def _and_more(routes: Sequence[str]) -> str:
-    return f" and {len(routes) - _MOST_ROUTES} more" if len(routes) > _MOST_ROUTES else ""
 
 
 def _first_of(told: Sequence[str]) -> str:

@@ -16,6 +16,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.stats.evidence import (
     FEWEST_FOR_T,
+    TOP_SCORE,
     Decision,
     LinearForms,
     degradation_forms,
@@ -97,7 +98,6 @@ def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
 
 
 _ALPHA = 0.05
-_TOP_SCORE = 100.0
 MARGIN = 0.10
 """How far beyond the allowance a pass may still lie, as a share of the metric's range."""
 
@@ -160,7 +160,7 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) 
         - (route.before - kept_before * route.clean_before) / clean_before
         for route in routes
     ]
-    best = max(*holds, allowance.amount + _TOP_SCORE / clean_after)
+    best = max(*holds, allowance.amount + TOP_SCORE / clean_after)
     if max(mean_below_zero_p(holds), unseen_p(holds, best)) <= _ALPHA:
         return "fail"
     slacks = [hold + MARGIN for hold in holds]

@@ -64,6 +64,11 @@ class Waiver:
         """`"waived by planning team until 2026-12-15: the new planner lands in week 50"`."""
         return f"waived by {self.owner} until {self.expires}: {self.reason}"
 
+    @property
+    def holds(self) -> bool:
+        """True up to and on the day on which it expires."""
+        return clock.today() <= self.expires
+
     def covers(self, sentence: str, nodeid: str, *, agent: str) -> bool:
         """Return True for the requirement of that sentence in that test, when `agent` is meant too."""
         test = _GROUP.sub("", nodeid)
@@ -84,17 +89,10 @@ class Waivers:
         """Read those of a file, or none. Raises `UsageError` for what is wrong in the file."""
         return cls(() if path is None else read_waivers(path))
 
-    def __bool__(self) -> bool:
-        return bool(self._waivers)
-
     def find(self, sentence: str, nodeid: str, *, agent: str) -> Waiver | None:
         """Return the waiver of a requirement; of several the one that holds longest."""
         found = [waiver for waiver in self._waivers if waiver.covers(sentence, nodeid, agent=agent)]
         return max(found, key=lambda waiver: waiver.expires, default=None)
-
-    def holds(self, waiver: Waiver) -> bool:
-        """Return True up to and on the day on which it expires."""
-        return clock.today() <= waiver.expires
 
     def review(self, judged: Sequence[Judged], *, whole: bool, open_fails: bool = False) -> list[str]:
         """Return what people should know at the end: a line for each waiver, in the order of the file.
@@ -114,7 +112,7 @@ class Waivers:
         inconclusive = 0 if open_fails else verdicts["inconclusive"]
         counts = f"{failing} failing" if failing else "nothing fails"
         counts += f", {inconclusive} inconclusive" if inconclusive else ""
-        if not self.holds(waiver):
+        if not waiver.holds:
             return f"waiver expired, {counts}{'' if failing else ', remove it'}: {waiver}"
         if failing:
             return f"waived, {counts}: {waiver}"

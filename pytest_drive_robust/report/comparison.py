@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip
 from pytest_drive_robust.regression.snapshot import RouteScore
@@ -49,13 +50,13 @@ def conclusion(comparison: Comparison) -> str:
     unjudged = comparison.unjudged
     if comparison.regressions:
         worse = [f"{cell.agent} under {cell.setting}" for cell in comparison.regressions]
-        told = f"REGRESSION: {len(worse)} of {count} against {label}: {_first_of(worse)}"
+        told = f"REGRESSION: {len(worse)} of {count} against {label}: {first_few(worse, 1)}"
         return f"{told}; {len(unjudged)} not judged" if unjudged else told
     if unjudged:
-        return f"NOT JUDGED: {len(unjudged)} of {count} against {label}: {_first_of(unjudged)}"
+        return f"NOT JUDGED: {len(unjudged)} of {count} against {label}: {first_few(unjudged, 1)}"
     if comparison.terms.open_fails and comparison.open:
         unclear = [f"{cell.agent} under {cell.setting}" for cell in comparison.open]
-        return f"INCONCLUSIVE: {len(unclear)} of {count} against {label}: {_first_of(unclear)}"
+        return f"INCONCLUSIVE: {len(unclear)} of {count} against {label}: {first_few(unclear, 1)}"
     part = _part(comparison)
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
         if part:
@@ -64,10 +65,6 @@ def conclusion(comparison: Comparison) -> str:
     return f"no regression shown {part or f'in {count}'} against {label}" + (
         f", {unsure} inconclusive" if unsure else ""
     )
-
-
-def _first_of(told: Sequence[str]) -> str:
-    return told[0] + (f" and {len(told) - 1} more" if len(told) > 1 else "")
 
 
 def _part(comparison: Comparison) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 
 from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
 from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.report.numbers import counted
 
 _MOST_IDS = 30
@@ -58,18 +59,13 @@ def _rate_text(rate: AbilityRate) -> str:
 def _gaps(score: OfficialTotals) -> list[str]:
     lines = []
     if score.missing:
-        lines.append(f"{len(score.missing):>5}  missing: {_ids(score.missing)}")
+        lines.append(f"{len(score.missing):>5}  missing: {first_few(score.missing, _MOST_IDS)}")
     elif score.missing_count:
         lines.append(f"{score.missing_count:>5}  missing (--routes FILE.xml tells which)")
     if score.duplicates:
-        listed = _ids(tuple(shown(route_id, quotes=False) for route_id in score.duplicates))
-        lines.append(f"{len(score.duplicates):>5}  there more than once: {listed}")
+        ids = [shown(route_id, quotes=False) for route_id in score.duplicates]
+        lines.append(f"{len(ids):>5}  there more than once: {first_few(ids, _MOST_IDS)}")
     return lines
-
-
-def _ids(names: tuple[str, ...]) -> str:
-    more = len(names) - _MOST_IDS
-    return ", ".join(names[:_MOST_IDS]) + (f" and {more} more" if more > 0 else "")
 
 
 def _marks(names: tuple[str, ...], notes: tuple[str, ...]) -> str:

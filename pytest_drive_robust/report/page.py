@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Sequence
 from io import StringIO
 from typing import TYPE_CHECKING
@@ -110,6 +111,11 @@ class Page:
 def _brackets_below(row: Sequence[str]) -> tuple[str, ...]:
     agent, setting, *numbers = row
     return agent, setting, *(number.replace(" (", "\n(") for number in numbers)
+
+
+def columns_of_screen(*, is_terminal: bool) -> int:
+    """Return how wide a text may be: as wide as the terminal, or as a page where the text goes into a file."""
+    return shutil.get_terminal_size((WIDTH, 24)).columns if is_terminal else WIDTH
 
 
 def cut(text: str, width: int = WIDTH) -> str:

@@ -19,7 +19,7 @@ from pytest_drive_robust.regression.references import project_store, read_run_do
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.base import Find
-from pytest_drive_robust.store.record import decode_record
+from pytest_drive_robust.store.record import decode_episode
 from pytest_drive_robust.store.record_files import RecordFiles
 
 T = TypeVar("T")
@@ -148,7 +148,7 @@ def stored_episodes(folder: Path) -> Find:
     def find(key: str) -> EpisodeResult | None:
         try:
             data = files.read(key)
-            return None if data is None else decode_record(data).result
+            return None if data is None else decode_episode(data)
         except (OSError, ValueError):
             return None
 

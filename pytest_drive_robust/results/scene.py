@@ -124,7 +124,8 @@ class Scene:
         """Return everything in the order of time."""
         found: list[Item] = [(0.0, "road", Shapes([], self._road()))]
         for name, result in self.episodes.items():
-            found += [*self._ego(name, result), *self._around(name, result), *_notes(name, result)]
+            found += [*self._ego(name, result), *self._around(name, result), *_plans(name, result)]
+            found += _notes(name, result)
         return sorted(found, key=lambda item: item[0])
 
     def _road(self) -> list[Lines]:
@@ -151,7 +152,7 @@ class Scene:
             yield row[0] * result.dt_s, f"{name}/told", Place(*to_geodetic(row[1], row[2]))
 
     def _around(self, name: str, result: EpisodeResult) -> Iterator[Item]:
-        """Yield actors and stop lines several times a second, and plans from where the ego was then."""
+        """Yield actors and stop lines several times a second."""
         tracks, row = result.tracks, 0
         if tracks is None:
             return
@@ -168,15 +169,6 @@ class Scene:
             colours = [_LIGHTS.get(LightState(light), _RED) for light in lights]
             lines = [Lines([stop], colour, 0.4) for stop, colour in zip(stops, colours, strict=False)]
             yield place * tracks.every_ticks * result.dt_s, f"{name}/actors", Shapes(seen[place], lines)
-        places, row = np.column_stack(result.trace.columns("x_m", "y_m", "yaw_rad")), 0
-        for tick, path, targets, speeds in tracks.plans.tolist():
-            ahead, right = (tracks.points[row : row + (path or targets or speeds)] / 10.0).T
-            row += path + targets + speeds
-            x, y, yaw = places[min(max(tick - 1, 0), len(places) - 1)]
-            east = x + ahead * np.cos(yaw) - right * np.sin(yaw)
-            south = y + ahead * np.sin(yaw) + right * np.cos(yaw)
-            line = Lines([np.column_stack((east, -south))], _EGO[name], 0.25)
-            yield tick * result.dt_s, f"{name}/plan", Shapes([], [line])
 
 
 def scenes_of(run: Run) -> Iterator[Scene]:
@@ -205,6 +197,22 @@ def scenes_of(run: Run) -> Iterator[Scene]:
             yield Scene(legible(" ".join(words)), episodes, {} if truth is None else map_data(truth))
     finally:
         maps.close()
+
+
+def _plans(name: str, result: EpisodeResult) -> Iterator[Item]:
+    """Yield the plans of the agent, from where the ego was when it made them."""
+    tracks, row = result.tracks, 0
+    if tracks is None:
+        return
+    places = np.column_stack(result.trace.columns("x_m", "y_m", "yaw_rad"))
+    for tick, path, targets, speeds in tracks.plans.tolist():
+        ahead, right = (tracks.points[row : row + (path or targets or speeds)] / 10.0).T
+        row += path + targets + speeds
+        x, y, yaw = places[min(max(tick - 1, 0), len(places) - 1)]
+        east = x + ahead * np.cos(yaw) - right * np.sin(yaw)
+        south = y + ahead * np.sin(yaw) + right * np.cos(yaw)
+        line = Lines([np.column_stack((east, -south))], _EGO[name], 0.25)
+        yield tick * result.dt_s, f"{name}/plan", Shapes([], [line])
 
 
 def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:

@@ -23,7 +23,7 @@ _OWN = __name__.partition(".")[0]
 
 
 def check_factory(agent: str, factory: object) -> None:
-    """Let what makes `agent` say what is wrong before it makes one. Raises `UsageError`."""
+    """Call the `check` of the factory of `agent`, where it has one. Raises `UsageError` for what is wrong."""
     check = check_of(factory)
     if check is not None:
         with _refusing(f"`check` of the agent {agent!r}", "UsageError where no agent can be made"):

@@ -175,7 +175,7 @@ class Campaign:
         return verdict
 
     def _ensure_all(self, need: RouteRequests, begun: list[EpisodeRequest]) -> None:
-        """Drive what is missing of all that is needed, no long one last."""
+        """Drive what is missing of all that is needed, the longest episodes first."""
         begun += need.requests
         self.scheduler.ensure(sorted(need.requests, key=self.scheduler.expected_s, reverse=True))
 

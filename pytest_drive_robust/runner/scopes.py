@@ -31,8 +31,8 @@ def simulator_options(options: RunOptions) -> SimulatorOptions:
 def check_severities(setting: Setting, dt_s: float) -> None:
     """Raise `PerturbationError` for a severity that a tick of `dt_s` seconds cannot show.
 
-    Nobody knows the route and the cameras yet. A `reset` that wants them may raise anything: episodes, which have
-    them, tell what it raises there.
+    The route and the cameras are not known yet, so a `reset` that needs them may raise anything here. That is passed
+    over: should it raise in an episode, which has both, the episode reports it.
     """
     for perturbation in setting.perturbations:
         try:

@@ -35,9 +35,11 @@ EARLY_SHARE = 0.2
 FEWEST_FOR_T = 20
 """Fewer two-humped scores have no usable t statistic: then betting alone decides."""
 
+TOP_SCORE = 100.0
+"""The highest driving score."""
+
 _SHY, _FAIR, _BOLD = BETS
 _ROUNDING = 1e-12
-_TOP_SCORE = 100.0
 _ERRORS = tuple(0.5 * step for step in range(-8, 6))
 """How many standard errors the true mean of what was seen lies below the mean seen, from 4 above it."""
 _MOST_ERRORS = 3.0
@@ -189,7 +191,7 @@ class LinearForms:
 
 
 def degradation_forms(
-    limit: float, margin: float = 0.10, *, comparison: str = "<=", top_score: float = _TOP_SCORE
+    limit: float, margin: float = 0.10, *, comparison: str = "<=", top_score: float = TOP_SCORE
 ) -> LinearForms:
     """Return the forms of RD = 1 - mean(score) / mean(reference) against `limit`, for scores 0..`top_score`.
 

@@ -20,7 +20,7 @@ from math import fsum
 from typing import Literal
 
 from pytest_drive_robust.errors import ComparisonError
-from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T, last_fail_p, last_pass_p
+from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T, TOP_SCORE, last_fail_p, last_pass_p
 from pytest_drive_robust.stats.quantiles import normal_quantile, student_t_quantile
 
 _EVERYTHING = (-math.inf, math.inf)
@@ -124,11 +124,10 @@ def evidence_interval(
     *,
     ended: bool = False,
     comparison: str = "<=",
-    top_score: float = 100.0,
 ) -> tuple[float, float]:
     """Return the interval of RD = 1 - mean(perturbed) / mean(clean) from pairs that may have stopped early.
 
-    `alpha` is for each side. Scores are 0..`top_score`, one per route. Contains the RD of the means, ends at 1 at most,
+    `alpha` is for each side. Scores are 0..100, one per route. Contains the RD of the means, ends at 1 at most,
     is wider for a smaller alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
 
     `ended` says that the planned routes ran out, so the gate took its last look. The ends then are where the gate
@@ -145,7 +144,7 @@ def evidence_interval(
     total = fsum(clean)
     if not total > 0.0:
         raise ComparisonError("the mean clean score is 0, so the degradation is undefined.")
-    pairs = [(before / top_score, after / top_score) for before, after in zip(clean, perturbed, strict=True)]
+    pairs = [(before / TOP_SCORE, after / TOP_SCORE) for before, after in zip(clean, perturbed, strict=True)]
     rd = 1.0 - fsum(perturbed) / total
 
     def too_low(threshold: float) -> bool:

@@ -22,6 +22,7 @@ from pytest_drive_robust.stats.evidence import (
     BETS,
     EARLY_SHARE,
     FEWEST_FOR_T,
+    TOP_SCORE,
     Decision,
     LinearForms,
     Wealth,
@@ -34,8 +35,6 @@ _NAMES = ("evidence", "list", "point")
 
 _ROUNDING = 1e-9
 """A sum of holds this close to 0, per route and as a share of the range, is 0: equal to the limit passes."""
-
-_TOP_SCORE = 100.0
 
 _USUAL_DISTANCE = 0.2
 """How far from its limit a value lies as a rule, as a share of the metric's range."""
@@ -301,7 +300,7 @@ def _usual_routes(forms: LinearForms, needed: float) -> float:
         return 1.0
     if math.isinf(forms.least):
         return math.inf
-    span = min(forms.most + forms.floor, _TOP_SCORE)
+    span = min(forms.most + forms.floor, TOP_SCORE)
     if forms.relative:
         reference = _USUAL_REFERENCE * _top_reference(forms)
         kept = min(1.0, max(0.0, forms.keep + forms.sign * _USUAL_DISTANCE))

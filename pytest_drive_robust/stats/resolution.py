@@ -17,6 +17,7 @@ USUAL_NOISE = 0.45
 """The noise of RD for an agent that we know nothing about."""
 
 _POWER = 0.90
+"""The probability with which a gate catches a violation of the size that is told."""
 _RANGE_PER_MEAN = 2.0
 """The top score as a multiple of the mean clean score: 2 for an agent at half of it."""
 _COARSE = 0.30
@@ -32,9 +33,7 @@ class Advice:
     text: str
 
 
-def told_apart(
-    routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
-) -> float:
+def told_apart(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> float:
     """Return how far from each other two values must be for `routes` pairs to tell them apart by their spread.
 
     Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
@@ -45,17 +44,15 @@ def told_apart(
     """
     if routes < 1:
         raise ValueError(f"{routes} routes can show nothing. Expected 1 or more.")
-    sampling = (_late_quantile(alpha) + normal_quantile(power)) * noise / math.sqrt(routes)
+    sampling = _distance(alpha) * noise / math.sqrt(routes)
     if routes >= FEWEST_FOR_T:
         return sampling
     growth = math.pow(len(BETS) / (EARLY_SHARE * alpha), 1.0 / routes)
     return max(sampling, scale * _RANGE_PER_MEAN * (growth - 1.0) / max(BETS))
 
 
-def resolution(
-    routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
-) -> float:
-    """Return the smallest violation that a gate on `routes` pairs catches with probability `power`.
+def resolution(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> float:
+    """Return the smallest violation that a gate on `routes` pairs catches with a probability of 90 %.
 
     That is what the routes tell apart, and for 20 to some 45 of them more: a fail must stand against the chance that
     the routes which would make up for the others were not drawn (`evidence.unseen_p`).
@@ -65,19 +62,17 @@ def resolution(
 
     Raises `ValueError` for no route.
     """
-    told = told_apart(routes, noise, alpha=alpha, power=power, scale=scale)
+    told = told_apart(routes, noise, alpha=alpha, scale=scale)
     if routes < FEWEST_FOR_T:
         return told
     error, step = noise / math.sqrt(routes), _RANGE_PER_MEAN * scale / routes
     unseen = (number / 8.0 for number in range(math.ceil(-8.0 * math.log(alpha))))  # none of so many: exp(-unseen)
     needed = max(number * step + error * normal_quantile(1.0 - alpha * math.exp(number)) for number in unseen)
-    return max(told, needed + error * normal_quantile(power))
+    return max(told, needed + error * normal_quantile(_POWER))
 
 
-def routes_needed(
-    margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, power: float = _POWER, scale: float = 1.0
-) -> int:
-    """Return how many routes catch a violation of `margin` with probability `power`; 20 at least.
+def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> int:
+    """Return how many routes catch a violation of `margin` with a probability of 90 %; 20 at least.
 
     >>> routes_needed(0.10)
     187
@@ -86,9 +81,9 @@ def routes_needed(
     """
     if not margin > 0.0:
         raise ValueError(f"the margin is {margin!r}, expected a number above 0.")
-    wanted = (_late_quantile(alpha) + normal_quantile(power)) * noise / margin
+    wanted = _distance(alpha) * noise / margin
     routes = max(FEWEST_FOR_T, math.ceil(wanted**2))
-    while resolution(routes, noise, alpha=alpha, power=power, scale=scale) > margin:
+    while resolution(routes, noise, alpha=alpha, scale=scale) > margin:
         routes += 1
     return routes
 
@@ -120,6 +115,6 @@ def advise(
     return Advice("fine", "")
 
 
-def _late_quantile(alpha: float) -> float:
-    """Return how many standard errors from the limit a mean must be for the last look to find it."""
-    return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha)
+def _distance(alpha: float) -> float:
+    """Return how many standard errors from the limit a value must be for the last look to find it (`_POWER` often)."""
+    return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal_quantile(_POWER)

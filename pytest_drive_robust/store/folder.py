@@ -23,10 +23,8 @@ from pytest_drive_robust.store.record import (
     decode_record,
     encode_episode,
 )
-from pytest_drive_robust.store.record_files import RecordFiles
+from pytest_drive_robust.store.record_files import FileState, RecordFiles
 from pytest_drive_robust.store.reuse import is_reusable
-
-State = tuple[int, int, int]
 
 
 class FolderStore:
@@ -47,7 +45,7 @@ class FolderStore:
         self._run = run
         self._fresh = fresh
         self._known: dict[str, EpisodeResult] = {}
-        self._useless: dict[tuple[Path, str], State | None] = {}
+        self._useless: dict[tuple[Path, str], FileState | None] = {}
         self._problems: dict[str, None] = {}
         self._unwritten = False
 

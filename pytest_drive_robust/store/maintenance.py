@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.result import Trace
 from pytest_drive_robust.store.claims import Claims
 from pytest_drive_robust.store.index import IndexedEpisode, indexed_episodes
 from pytest_drive_robust.store.record import OtherFormatError, decode_record
-from pytest_drive_robust.store.record_files import SUFFIX, RecordFiles
+from pytest_drive_robust.store.record_files import SUFFIX, FileState, RecordFiles
 from pytest_drive_robust.store.reuse import ends_reusable
 
 _DAY_S = 86_400.0
@@ -151,7 +151,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     return Swept(counts[0], counts[1], counts[2] + counts[3], size, tuple(problems))
 
 
-def _remove_unclaimed(path: Path, claims: Claims, files: RecordFiles, state: tuple[int, int, int] | None) -> list[str]:
+def _remove_unclaimed(path: Path, claims: Claims, files: RecordFiles, state: FileState | None) -> list[str]:
     """Remove a record that is in that `state`: another run may have replaced it since we looked at it."""
     claim = claims.attempt(path.stem)
     if claim is None:

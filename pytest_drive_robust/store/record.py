@@ -101,7 +101,7 @@ def decode_episode(data: bytes) -> EpisodeResult:
 
 
 def decode_record(data: bytes, *, key: str | None = None) -> EpisodeRecord:
-    """Read as `decode_episode` does, with the notes, which must tell of `key` where one is given."""
+    """Read as `decode_episode` does, with the notes; they must hold `key` where one is given."""
     _check(data)
     try:
         record = _decoded(data)

@@ -18,6 +18,9 @@ _CACHE_TAG = "Signature: 8a477f597d28d172789f06886806bc55\n# Episodes that pytes
 _IGNORE_FILE = ".gitignore"
 _OURS = frozenset({"episodes", "claims", "aside", "runs", "bench2drive", "index.sqlite", _IGNORE_FILE, "CACHEDIR.TAG"})
 
+FileState = tuple[int, int, int]
+"""What changes when a file is replaced: inode, time of change, size."""
+
 
 def is_store(folder: Path) -> bool:
     """Return whether a folder holds records, or was made to; an empty one will do."""
@@ -61,8 +64,8 @@ class RecordFiles:
         except (FileNotFoundError, NotADirectoryError):
             return None
 
-    def state(self, key: str) -> tuple[int, int, int] | None:
-        """Return what changes when the file is replaced (inode, time of change, size), None when there is no file."""
+    def state(self, key: str) -> FileState | None:
+        """Return the state of the file of a key, None when there is no file."""
         try:
             found = os.stat(self.path(key))
         except OSError:

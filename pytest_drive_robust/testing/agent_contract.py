@@ -21,7 +21,7 @@ from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
-from pytest_drive_robust.testing.driving import drive, feed, first_difference, observation_digest
+from pytest_drive_robust.testing.driving import drive, feed, first_difference, first_difference_seen
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 from pytest_drive_robust.testing.time_limit import with_time_limit
@@ -196,8 +196,7 @@ class _Trial:
         """Check that the controls from a script see the same world: nothing that the agent writes to reaches it."""
         script = ScriptedAgent(self.record.controls, cameras=self.record.sensors())
         replayed, _ = self.drive(script, self.seed)
-        seen = [observation_digest(observation) for observation in self.record.observations]
-        tick = first_difference(seen, [observation_digest(observation) for observation in replayed.observations])
+        tick = first_difference_seen(self.record.observations, replayed.observations)
         if tick is not None:
             told = f"something that the agent wrote to changed what is seen in tick {tick}: write to copies"
             return Check("isolation", False, f"{told}.")

@@ -1,4 +1,4 @@
-"""Agents for tests: one that does what it is told, one that remembers what another one did."""
+"""Agents for tests: one that drives by a script, one that records another agent."""
 
 from __future__ import annotations
 

@@ -51,6 +51,11 @@ def first_difference(one: Sequence[object], other: Sequence[object]) -> int | No
     return None if len(one) == len(other) else min(len(one), len(other))
 
 
+def first_difference_seen(one: Iterable[Observation], other: Iterable[Observation]) -> int | None:
+    """Return the first index at which two drives saw something different, or None when they saw the same."""
+    return first_difference([*map(observation_digest, one)], [*map(observation_digest, other)])
+
+
 def observation_digest(observation: Observation) -> str:
     """Return a hex digest of everything in an observation but its truth: equal digests, equal observations."""
     digest = hashlib.blake2b(digest_size=16)

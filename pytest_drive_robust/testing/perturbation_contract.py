@@ -22,7 +22,7 @@ from pytest_drive_robust.perturbations.base import (
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
-from pytest_drive_robust.testing.driving import first_difference, observation_digest
+from pytest_drive_robust.testing.driving import first_difference, first_difference_seen, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
@@ -227,8 +227,7 @@ def _controls(applied: list[Control], answered: list[Control | None]) -> Check:
 def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int, done: _Drive) -> Check:
     _episode(perturbation, clean, seed + 1)  # an episode in between must leave no trace
     again = _episode(perturbation, clean, seed)
-    digests = [observation_digest(observation) for observation in done.seen]
-    tick = first_difference(digests, [observation_digest(observation) for observation in again.seen])
+    tick = first_difference_seen(done.seen, again.seen)
     if tick is None:
         tick = first_difference(done.applied, again.applied)
     if tick is not None:

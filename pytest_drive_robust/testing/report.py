@@ -30,7 +30,7 @@ class Check:
 class ContractReport:
     """All promises of one subject, in the order in which they were tried; those that need a broken one are left out.
 
-    It is true where `ok` is, gives its checks one by one, and one of them by its name.
+    `bool(report)` is `report.ok`; iterate over the checks, or take one by its name: `report["controls"]`.
     """
 
     subject: str
@@ -68,7 +68,7 @@ class ContractReport:
 
 
 def attempt(whose: str, check: Callable[..., Check], *arguments: object) -> Check:
-    """Return what `check` finds; where it raises, a failed check of its name that says what `whose` code raised."""
+    """Return what `check` finds. Where the code of `whose` raises, return a failed check that says what it raised."""
     try:
         return check(*arguments)
     except BLAMED as error:

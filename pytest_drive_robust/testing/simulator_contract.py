@@ -17,7 +17,7 @@ from pytest_drive_robust.registry.registry import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
-from pytest_drive_robust.testing.driving import drive, first_difference, observation_digest
+from pytest_drive_robust.testing.driving import drive, first_difference_seen
 from pytest_drive_robust.testing.fake_simulator import fake_route
 from pytest_drive_robust.testing.report import Check, ContractReport, attempt
 
@@ -203,8 +203,7 @@ def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingA
         return next(script)
 
     painted, _ = drive(ScriptedAgent(scribble, cameras=_cameras(simulator.dt_s)), simulator, route=route, seed=seed)
-    seen = [observation_digest(observation) for observation in record.observations]
-    tick = first_difference(seen, [observation_digest(observation) for observation in painted.observations])
+    tick = first_difference_seen(record.observations, painted.observations)
     if tick is not None:
         return Check("isolation", False, f"writing to an image changes what is seen in tick {tick}.")
     return Check("isolation", True, "writing to an image changes nothing in later ticks.")
@@ -234,8 +233,7 @@ def _difference(first: _Driven, again: _Driven) -> str | None:
         return f"breaks in tick {other.ticks}: {other.end_detail}"
     if record.plan != other_record.plan:
         return "has another plan"
-    seen = [observation_digest(observation) for observation in record.observations]
-    tick = first_difference(seen, [observation_digest(observation) for observation in other_record.observations])
+    tick = first_difference_seen(record.observations, other_record.observations)
     if tick is not None:
         return f"looks different in tick {tick}"
     if result.trace.digest != other.trace.digest:

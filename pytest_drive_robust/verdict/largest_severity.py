@@ -183,7 +183,7 @@ def largest(
 
 
 def _way(ladder: Ladder) -> int:
-    """Return 1 where the steps that the failure declares itself rise, -1 where they fall, 0 where it has one alone."""
+    """Return 1 where the failure declares rising steps, -1 where it declares falling ones, 0 where it has one step."""
     declared = type(ladder.template).ladder
     steps = (0.0, 1.0) if declared is None or declared[1] == "ticks" else tuple(declared[1])
     return (steps[-1] > steps[0]) - (steps[-1] < steps[0])

@@ -7,7 +7,8 @@ import inspect
 import pytest_drive_robust as package
 from pytest_drive_robust import errors, testing
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.registry.registry import KINDS, default_registry
+from pytest_drive_robust.registry.entries import KINDS
+from pytest_drive_robust.registry.registry import default_registry
 from reference_parts.rst import escaped, heading, list_table
 
 

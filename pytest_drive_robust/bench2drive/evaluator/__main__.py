@@ -6,7 +6,7 @@ import argparse
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import as_completed
 from pathlib import Path
 
@@ -97,30 +97,35 @@ def _run(options: argparse.Namespace) -> int:
     ]
     executor.check(requests)
     print(f"{len(requests)} routes of {file} under {setting}, seed {options.seed}", flush=True)
-    unscored: list[str] = []
-    broken: list[str] = []
+    outcomes: dict[str, Outcome] = {}
     try:
         for future in as_completed([executor.submit(request) for request in requests]):
             result = future.result()
             print(_line(result), flush=True)
-            unscored += [result.episode.route_id] if result.outcome is Outcome.INFRA_ERROR else []
-            broken += [result.episode.route_id] if result.outcome is Outcome.AGENT_ERROR else []
+            outcomes[result.episode.route_id] = result.outcome
     except KeyboardInterrupt:
         print("interrupted; the same command goes on from here")
         return _INTERRUPTED
     finally:
         executor.close()
     results = executor.run_folder(requests[0]).results
-    scored = len(requests) - len(unscored)
     names = "" if chosen else f" --routes {shlex.quote(str(file))}"  # of some ids the results themselves tell the rest
-    print(f"{scored} of {len(requests)} routes have a score: drive-robust score {shlex.quote(str(results))}{names}")
+    return _concluded(outcomes, results, f"drive-robust score {shlex.quote(str(results))}{names}")
+
+
+def _concluded(outcomes: Mapping[str, Outcome], results: Path, score_command: str) -> int:
+    """Print how many routes have a score, and what to do where some have none or broke; return the exit code."""
+    unscored = [name for name, outcome in outcomes.items() if outcome is Outcome.INFRA_ERROR]
+    broken = [name for name, outcome in outcomes.items() if outcome is Outcome.AGENT_ERROR]
+    scored = len(outcomes) - len(unscored)
+    print(f"{scored} of {len(outcomes)} routes have a score: {score_command}")
     if broken:
         print(f"{len(broken)} of them ended as an error of the agent: {', '.join(broken)}")
     if broken and len(broken) == scored:
         print(f"none was driven to its end; where the cause is in no file of the agent, remove {results} to try again")
     if unscored:
         print(f"no score, because the harness failed: {', '.join(unscored)}")
-    return 1 if unscored or len(broken) == len(requests) else 0
+    return 1 if unscored or len(broken) == len(outcomes) else 0
 
 
 def _check_numbers(options: argparse.Namespace) -> None:

@@ -59,5 +59,5 @@ def _python_files(folder: Path, seen: set[tuple[int, int]]) -> Iterator[os.DirEn
 
 @functools.lru_cache(maxsize=1 << 16)
 def _content(path: str, size: int, time_ns: int, inode: int) -> bytes:
-    """Return the digest of a file; the other arguments tell that it is another one."""
+    """Return the digest of a file, computed again when its size, time or inode has changed."""
     return hashlib.blake2b(Path(path).read_bytes(), digest_size=16).digest()

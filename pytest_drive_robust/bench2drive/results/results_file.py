@@ -9,7 +9,7 @@ from pathlib import Path
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, read_record
 from pytest_drive_robust.bench2drive.results.planned_routes import planned_routes
 from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UsageError, first_few
 
 _MERGED = "merged.json"
 _MOST_SHOWN = 10
@@ -32,9 +32,8 @@ class UnfinishedFile:
     def __str__(self) -> str:
         if self.planned is None:
             return f"{shown(self.path)} is empty: its evaluator ended before the first route"
-        named = f", without {', '.join(shown(name, quotes=False) for name in self.missing[:_MOST_SHOWN])}"
-        more = f" and {len(self.missing) - _MOST_SHOWN} more" if len(self.missing) > _MOST_SHOWN else ""
-        without = named + more if self.missing else ""
+        names = first_few([shown(name, quotes=False) for name in self.missing], _MOST_SHOWN)
+        without = f", without {names}" if self.missing else ""
         doubled = f", and {self.doubled} more records of the same ones" if self.doubled else ""
         return f"{shown(self.path)} holds {self.held} of {self.planned} episodes{without}{doubled}"
 

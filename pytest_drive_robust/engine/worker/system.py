@@ -49,7 +49,7 @@ def resident_bytes() -> int:
 
 
 def descriptor_identity(number: int) -> tuple[int, int] | None:
-    """Return what tells apart that which a descriptor refers to; None for one that is closed."""
+    """Return the identity of the file behind a descriptor (device, inode); None for a closed descriptor."""
     try:
         status = os.fstat(number)
     except OSError:

@@ -109,7 +109,7 @@ def _second(item: Infraction, dt_s: float) -> float | None:
 
 
 def _place(item: Infraction) -> tuple[int | None, int | None]:
-    """Return where it happened in cm; None where there is no place, or none that anybody told."""
+    """Return where it happened in cm; None for a kind without a place, and where the place is not known."""
     untold = (item.tick, item.x_m, item.y_m) == (0, 0.0, 0.0)  # by an official message, see `official_record.place_of`
     if item.kind in PLACELESS or untold or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
         return None, None

@@ -11,7 +11,7 @@ from typing import Any
 
 from pytest_drive_robust import __version__
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.errors import UsageError, first_few
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.numbers import shown_beside
@@ -134,8 +134,9 @@ def _copy_films(folder: Path, films: Iterable[Path], results: Sequence[EpisodeRe
 def _strangers(films: Iterable[Path], shown: Iterable[str]) -> list[str]:
     """Return a note that names the films that no page shows."""
     names = sorted({film.name for film in films}.difference(shown))
-    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    return [f"films of no episode here, which are not shown: {', '.join(names[:_MOST_NAMED])}{more}"] if names else []
+    if not names:
+        return []
+    return [f"films of no episode here, which are not shown: {first_few(names, _MOST_NAMED)}"]
 
 
 def _remove(path: Path) -> None:

@@ -55,7 +55,7 @@ def tracks_text(result: EpisodeResult) -> str:
 
 
 def _told(result: EpisodeResult) -> NDArray[np.int32]:
-    """Return what a failure may have changed of what the agent was told; no row where it changed nothing."""
+    """Return the signals that the agent got, where a failure may have changed them; no row where it changed nothing."""
     reception, given = result.reception, result.given
     if given is None or reception is None or not reception.touched or not len(given.rows):
         return np.zeros((0, 5), np.int32)

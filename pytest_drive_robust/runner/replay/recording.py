@@ -65,10 +65,10 @@ class Picture:
 class TapeTick:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
-    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is what its main camera
-    would have shown where that is something else. `asked` is the agent's newest control (None before its first),
-    `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of the world. The
-    last moment of a tape is the end: nothing is asked or applied any more.
+    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is the picture of its main
+    camera before the perturbations, where they changed it. `asked` is the agent's newest control (None before its
+    first), `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of the world.
+    The last moment of a tape is the end: nothing is asked or applied any more.
     """
 
     state: WorldState
@@ -197,7 +197,7 @@ class _Recording(Watch):
         self._told(tick)
 
     def _unlike(self, given: Mapping[str, Image]) -> Picture | None:
-        """Return what the main camera showed where the perturbations made something else of it."""
+        """Return the picture of the main camera before the perturbations; None where they did not change it."""
         if not given:
             return None
         name = main_camera(given)

@@ -45,7 +45,7 @@ def test_defaults_are_what_the_parsers_make_of_the_default_texts():
 def test_the_command_line_wins_over_the_ini_file_and_that_over_the_default():
     source = Source({"drive_agent": "me", "drive_fresh": True}, {"drive_agent": "other", "drive_margin": " 0.5 "})
     assert Wanted(**read_fields(Wanted, source)) == Wanted("me", True, (0.05, 0.5))
-    assert [was_given(found, source) for found in options_of(Wanted)] == [True, True, False, True]
+    assert [was_given(found.flag, source) for found in options_of(Wanted)] == [True, True, False, True]
 
 
 def test_a_field_without_an_option_is_nobodys_option():

@@ -37,7 +37,7 @@ def days_later(days: int, monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_a_waiver_holds_up_to_and_on_its_day(days: int, holds: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     days_later(days, monkeypatch)
-    assert Waivers([WAIVER]).holds(WAIVER) is holds
+    assert WAIVER.holds is holds
 
 
 @pytest.mark.parametrize(

@@ -388,9 +388,3 @@ def test_betting_at_the_last_look_spends_its_share_of_the_error_alone():
     few = [100.0] * 10
     early, ended = (mean_evidence_interval(few, low=0.0, high=100.0, ended=ended)[0] for ended in (False, True))
     assert ended < early
-
-
-def test_the_unit_of_a_score_does_not_move_the_interval_of_rd():
-    clean, perturbed = [100.0, 80.0, 60.0] * 8, [50.0, 75.0, 20.0] * 8
-    shares = [[score / 100.0 for score in scores] for scores in (clean, perturbed)]
-    assert evidence_interval(*shares, top_score=1.0) == pytest.approx(evidence_interval(clean, perturbed))
