@@ -111,7 +111,7 @@ class CollectionPlugin:
 
 
 def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
-    """Return an agent and routes that tests name by their markers; None where one of them takes those of the run.
+    """Return the agent and the routes that the first test names by its marker; None where some test names none.
 
     Raises `UsageError` for a marker that cannot be used.
     """

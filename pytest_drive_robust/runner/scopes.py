@@ -109,9 +109,11 @@ class Scopes:
 
         Episodes of the one would be taken, or kept, for those of the other.
         """
-        if agent not in self._identities or _states_of_weights(self._factory(agent)) == self._weights[agent]:
+        if agent not in self._identities:
             return
         states = _states_of_weights(self._factory(agent))
+        if states == self._weights[agent]:
+            return
         if self._made_identity(agent) != self._identities[agent]:
             raise UsageError(
                 f"the weights of the agent {agent!r} changed after the tests were collected, when its stored episodes "
@@ -132,10 +134,8 @@ class Scopes:
         """
         options, marked = self._options, marked or MarkerOptions()
         self._registry.require("simulators", options.simulator)
-        agent, routes = (
-            (None if options.agent_given else marked.agent),
-            (None if options.routes_given else marked.routes),
-        )
+        agent = None if options.agent_given else marked.agent
+        routes = None if options.routes_given else marked.routes
         self.of(MarkerOptions(agent=agent, routes=routes))
 
     def setting(self, sentence: str) -> Setting:

@@ -41,9 +41,9 @@ _ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
 
 
 def begin_run(name: str) -> None:
-    """Let what cannot be known be driven anew: pytest may run several times in one process, as in a notebook.
+    """Make keys of code that cannot be known differ from those of earlier runs in this process, as in a notebook.
 
-    `name` is one that no other run has, and that all processes of this one have.
+    `name` is the same in all processes of this run, and no other run has it.
     """
     _RUN[0] = name
 

@@ -10,7 +10,7 @@ import pytest
 from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.store import maintenance, record
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.index import indexed_episodes
@@ -39,6 +39,14 @@ def test_statistics_count_records_by_agent_and_outcome(store):
         ("other", "completed"): 1,
     }
     assert found.size_bytes == sum(path.stat().st_size for path in store.folder.glob("episodes/*/*"))
+
+
+@pytest.mark.parametrize(("told", "reusable"), [("act raised ValueError: no lane", 4), ("act raised MemoryError", 3)])
+def test_statistics_count_what_was_raised_for_lack_of_memory_as_driven_again(store, told, reusable):
+    broke = make_result(outcome=Outcome.AGENT_ERROR, end=End.AGENT_CRASHED, end_detail=told)
+    RecordFiles(store.folder).write("dd01", encode_episode(broke, {"key": "dd01", "run": "r"}))
+    found = statistics(store.folder)
+    assert (found.records, found.reusable) == (5, reusable)
 
 
 def test_a_store_without_records_has_no_statistics(tmp_path):
