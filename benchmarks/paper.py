@@ -32,7 +32,7 @@ All agents must hold the same routes. Of those that hold more than the others:
         --only tcp simlingo --write elsewhere
 
 Written are `results.json` (score, success and efficiency of every episode, comfort of every row and seed), `table.md`,
-`patterns.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
+`patterns.md`, `parts.md`, `rd_heatmap.svg`, `retention_radar.svg` and `latency_curves.svg`. `patterns.md` quotes
 `explanations.md` of the same folder: a heading `## KEY`, then what somebody found out, KEY one of `severity`,
 `latency`, `gps`, `occlusion`, `burst`, `speed` and `ranking`. Agents and settings that are in no file are shown as not
 driven.
@@ -47,11 +47,13 @@ from pathlib import Path
 
 from _paper.figures import heat_map, latency_curves, retention_radar
 from _paper.joining import read
+from _paper.parts_page import parts_text
 from _paper.patterns import patterns_of
+from _paper.patterns_page import explanations, patterns_text
 from _paper.published import AGENTS
 from _paper.readings import READINGS, Drives
 from _paper.results import text_of
-from _paper.texts import explanations, patterns_text, table_text
+from _paper.table_page import table_text
 
 from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.store.whole_file import write_whole
@@ -87,6 +89,7 @@ def render(files: Sequence[Path], folder: Path, replaced: Collection[str] = (), 
         "results.json": text_of(results),
         "table.md": table_text(results),
         "patterns.md": patterns_text(results, patterns, explained),
+        "parts.md": parts_text(results),
         "rd_heatmap.svg": heat_map(results),
         "retention_radar.svg": retention_radar(results),
         "latency_curves.svg": latency_curves(results),

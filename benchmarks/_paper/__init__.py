@@ -1,1 +1,1 @@
-"""What `benchmarks/paper.py` is made of: the published table, results, estimates, patterns, pictures and texts."""
+"""What `benchmarks/paper.py` is made of: the published table, results, estimates, patterns, pictures and pages."""

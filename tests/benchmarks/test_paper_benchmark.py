@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import paper_table
 import pytest
-from _paper import estimates, figures, joining, published, reports, texts
+from _paper import estimates, figures, joining, published, reports, table_page
 from _paper.estimates import IntervalEstimate
 from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS
 from _paper.readings import DRIVEN, NO_LATENCY, READINGS, Drives, called_in
@@ -58,7 +58,7 @@ def test_everything_is_drawn_again_from_the_committed_file_to_the_last_byte(rend
     (tmp_path / "explanations.md").write_bytes((rendered / "explanations.md").read_bytes())
     done = drawn([rendered / "results.json"], tmp_path)
     assert done.returncode == 0, done.stderr
-    for name in ("results.json", "table.md", "patterns.md", *PICTURES):
+    for name in ("results.json", "table.md", "patterns.md", "parts.md", *PICTURES):
         assert (tmp_path / name).read_bytes() == (rendered / name).read_bytes(), name
 
 
@@ -199,8 +199,8 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
     together = report("vad", ALIKE)
     together["versions"]["lockstep"] = "8"
     found = joining.read(saved(tmp_path, report("tcp", ALIKE), together))
-    assert "none 1.0, weights bb, 8 episodes in lockstep." in texts.table_text(found)
-    assert "none 1.0, weights bb." in texts.table_text(found)
+    assert "none 1.0, weights bb, 8 episodes in lockstep." in table_page.table_text(found)
+    assert "none 1.0, weights bb." in table_page.table_text(found)
 
 
 @pytest.mark.parametrize(
@@ -213,14 +213,14 @@ def test_the_table_says_who_was_driven_in_lockstep(tmp_path: Path) -> None:
 def test_the_table_says_whether_standing_cars_were_stopped(tmp_path: Path, stop_s: float | None, said: str) -> None:
     document = report("tcp", ALIKE)
     document["settings"]["stuck_stop_s"] = stop_s
-    assert said in texts.table_text(joining.read(saved(tmp_path, document)))
+    assert said in table_page.table_text(joining.read(saved(tmp_path, document)))
 
 
 def test_agents_may_be_stopped_after_different_times_and_one_agent_may_not(tmp_path: Path) -> None:
     longer = report("simlingo", ALIKE)
     longer["settings"]["stuck_stop_s"] = 45.0
     found = joining.read(saved(tmp_path, report("tcp", ALIKE), report("vad", ALIKE), longer))
-    assert "for 30 s (of `tcp`, `vad`) or 45 s (of `simlingo`)," in " ".join(texts.table_text(found).split())
+    assert "for 30 s (of `tcp`, `vad`) or 45 s (of `simlingo`)," in " ".join(table_page.table_text(found).split())
     other = report("tcp", ALIKE)
     other["settings"] |= {"seeds": [1], "stuck_stop_s": None}
     with pytest.raises(ComparisonError, match=r"tcp was driven with other .* or --drive-stuck-stop"):

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from _paper import estimates, joining, results, texts
+from _paper import estimates, joining, results, table_page
 from _paper.published import CLEAN, FAMILIES
 from _paper.readings import DRIVEN, NO_LATENCY, READINGS, Drives, called_in
 from hypothesis import given
@@ -98,7 +98,7 @@ def test_latency_of_the_released_reading_needs_its_own_clean_drive_only(tmp_path
     found = joining.read(saved(tmp_path, alone))
     assert estimates.degradation(Drives(found, "released"), "vad", FAMILIES["latency"]) is not None
     assert estimates.driving_score(Drives(found, "released"), "vad", (CLEAN,)) is None
-    assert "| `released`, latency | 3 of 12 |" in texts.table_text(found)
+    assert "| `released`, latency | 3 of 12 |" in table_page.table_text(found)
     assert joining.read(saved(tmp_path, alone, rest)) == joining.read(saved(tmp_path, whole))
 
 
@@ -125,9 +125,9 @@ def test_seeds_are_averaged_route_by_route(tmp_path: Path) -> None:
     both = found.agents["tcp"].settings["occlusion 0.5"]
     assert both.driving_score == pytest.approx([0.75 * score for score in alone.driving_score])
     assert estimates.degradation(Drives(found, READINGS[0]), "tcp", ("occlusion 0.5",)).value == pytest.approx(0.25)
-    assert f"{len(CLEAN_DS)} routes, seeds 0 and 1, simulator" in texts.table_text(found)
-    assert "its figures are the means over the seeds" in texts.table_text(found)
-    assert "over the seeds" not in texts.table_text(joining.read(saved(tmp_path, parts[1])))
+    assert f"{len(CLEAN_DS)} routes, seeds 0 and 1, simulator" in table_page.table_text(found)
+    assert "its figures are the means over the seeds" in table_page.table_text(found)
+    assert "over the seeds" not in table_page.table_text(joining.read(saved(tmp_path, parts[1])))
     assert results.results_of(json.loads(results.text_of(found))) == found
 
 

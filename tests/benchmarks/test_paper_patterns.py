@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from _paper import estimates, joining, patterns, results, texts
+from _paper import estimates, joining, patterns, patterns_page, results
 from _paper.estimates import IntervalEstimate
 from _paper.published import AGENTS, CLEAN, FAMILIES
 from _paper.readings import DRIVEN, NO_LATENCY, READINGS, SAME, Drives, called_in
@@ -71,7 +71,7 @@ def test_what_both_readings_share_stands_once_among_the_patterns(tmp_path: Path)
         shares["tcp"][setting] = 0.5 + 0.05 * place
     found = of_shares(tmp_path, shares)
     by_reading = {reading: patterns.patterns_of(Drives(found, reading)) for reading in READINGS}
-    text = texts.patterns_text(found, by_reading, {})
+    text = patterns_page.patterns_text(found, by_reading, {})
     assert set(SAME) == {row for family in ("occlusion", "GPS", "speed") for row in FAMILIES[family]}
     for key, times in {"3": 1, "4": 1, "6": 1, "1": 2, "2": 2, "5": 2, "7": 2}.items():
         assert len(re.findall(rf"^\| {key} \|", text, re.MULTILINE)) == times, key
@@ -112,4 +112,4 @@ def test_an_explanation_of_no_pattern_is_refused(tmp_path: Path) -> None:
     (tmp_path / "explanations.md").write_text("## gsp\n\ntypo\n", encoding="utf-8")
     known = patterns.patterns_of(paper_reading(tmp_path, {"tcp": ALIKE}))
     with pytest.raises(UsageError, match=r"'gsp'\. The patterns are severity, latency, gps"):
-        texts.explanations(tmp_path / "explanations.md", known)
+        patterns_page.explanations(tmp_path / "explanations.md", known)
