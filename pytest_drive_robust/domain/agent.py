@@ -32,8 +32,8 @@ class Agent(Protocol):
     * `computed_by: Sequence[str]`, of the class or factory: where bits are not portable, the modules that decide the
       controls beside the agent's own code, such as `("torch", "numpy")`. Their versions are in the keys of its
       episodes, and records tell what they compute on this processor (all that its code imports when not said);
-    * `weights: Sequence[str | Path]`, of the class or factory: files whose content belongs to the agent's fingerprint
-      and to the keys of its episodes, as that of the files does which options of its name give;
+    * `weights: Sequence[str | Path]`, of the class or factory: files and folders whose content belongs to the agent's
+      fingerprint and to the keys of its episodes, as that of those does which options of its name give;
     * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
       how it drives and are not in its source, such as what it read from the environment;
     * `check(**options)`, of the factory (of a class: a `classmethod`): called at collection with those options in the

@@ -31,9 +31,9 @@ class ConfiguredFactory(functools.partial[Any]):
 
     @property
     def weights(self) -> Any:
-        """The files that the factory names, and those that its options name."""
+        """The files and folders that the factory names, and those that its options name."""
         named: Any = getattr(self.func, "weights", None)
-        chosen = [value for value in self.keywords.values() if isinstance(value, str) and os.path.isfile(value)]
+        chosen = [value for value in self.keywords.values() if isinstance(value, str) and os.path.exists(value)]
         if not chosen or not isinstance(named, (list, tuple, str, os.PathLike, type(None))):
             return named
         several = list(named) if isinstance(named, (list, tuple)) else [] if named is None else [named]

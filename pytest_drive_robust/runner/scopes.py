@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -15,12 +16,15 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
+from pytest_drive_robust.runner.cache_key.source_files import files_of
 from pytest_drive_robust.runner.episode.machine import library_versions
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.store.events import Identified
+
+_States = tuple[tuple[str, int, int], ...]
 
 
 def simulator_options(options: RunOptions) -> SimulatorOptions:
@@ -43,17 +47,16 @@ def check_severities(setting: Setting, dt_s: float) -> None:
             continue
 
 
-def _states_of_weights(factory: object) -> tuple[tuple[int, ...], ...]:
-    """Return what changes when one of the files is written that a factory calls `weights`: its time and its size."""
+def _states_of_weights(factory: object) -> _States:
+    """Return what changes when one of the files is written that a factory calls `weights`: name, time and size."""
     named: Any = getattr(factory, "weights", None)
     several = named if isinstance(named, (list, tuple)) else (named,)
     states = []
-    for file in several:
-        try:
-            found = os.stat(file)
-        except (OSError, TypeError, ValueError):  # whoever reads it says so
-            continue
-        states.append((found.st_mtime_ns, found.st_size))
+    for path in several:
+        with suppress(OSError, TypeError, ValueError):  # whoever reads it says so
+            for name, file in files_of(path):
+                found = os.stat(file)
+                states.append((name, found.st_mtime_ns, found.st_size))
     return tuple(states)
 
 
@@ -81,7 +84,7 @@ class Scopes:
         self._problems: dict[str, list[str]] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._identities: dict[str, str] = {}
-        self._weights: dict[str, tuple[tuple[int, ...], ...]] = {}  # states of their files, by agent
+        self._weights: dict[str, _States] = {}  # states of their files, by agent
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""

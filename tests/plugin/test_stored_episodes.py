@@ -194,13 +194,13 @@ class Learned(ScriptedAgent):
     weights = "learned.txt"
 
     def __init__(self):
-        with open(self.weights) as file:
+        with open("learned.txt") as file:
             super().__init__([Control(throttle=float(file.read()))])
 
 
 class Learning(Learned):
     def reset(self, route, seed):
-        with open(self.weights, "w") as file:
+        with open("learned.txt", "w") as file:
             file.write("0.3")
         super().reset(route, seed)
 
@@ -240,8 +240,9 @@ def test_weights_that_a_fixture_writes_take_no_episodes_of_others(suite, driven,
         assert len(driven()) == 3, "the first run drove them, the second one none"
 
 
-def test_what_was_driven_with_other_weights_than_its_key_says_is_not_stored(suite, driven):
-    folder = suite("DS under clean >= 60", conftest=RETRAINED)
+@pytest.mark.parametrize("named", ["learned.txt", "."], ids=["a file", "a folder"])
+def test_what_was_driven_with_other_weights_than_its_key_says_is_not_stored(suite, driven, named):
+    folder = suite("DS under clean >= 60", conftest=f"{RETRAINED}\n\nLearning.weights = {named!r}\n")
     (folder.path / "learned.txt").write_text("1")
     result = folder.runpytest_inprocess("--drive-robust", "--drive-agent", "learning")
     result.assert_outcomes(errors=1)

@@ -144,8 +144,8 @@ def route_digest(route: Route) -> str:
 def weights_digest(files: object, *, agent: str) -> str:
     """Return 12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
 
-    `files` is what a factory calls `weights`: a path, several, or None. Raises `UsageError` when it is anything else,
-    and when a file cannot be read.
+    `files` is what a factory calls `weights`: a path, several, or None. All files of a folder count, with their names.
+    Raises `UsageError` when it is anything else, and when a file cannot be read.
     """
     named = [files] if isinstance(files, (str, os.PathLike)) else files if isinstance(files, (list, tuple)) else None
     if files is not None and (named is None or not all(isinstance(file, (str, os.PathLike)) for file in named)):
@@ -157,7 +157,9 @@ def weights_digest(files: object, *, agent: str) -> str:
     digest = hashlib.blake2b(digest_size=6)
     try:
         for path in paths:
-            source_files.add_file(digest, path)
+            for name, file in source_files.files_of(path):
+                digest.update(os.fsencode(f"\0{name}\0") if name else b"")
+                source_files.add_file(digest, file)
     except OSError as error:
         raise UsageError(
             f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."

@@ -162,6 +162,30 @@ def add_file(digest: hashlib.blake2b, path: str | Path) -> None:
             digest.update(block)
 
 
+def files_of(path: str | Path) -> Iterator[tuple[str, Path]]:
+    """Return the files of a folder, each with its name in it, or the one file that `path` is, without a name.
+
+    They come in the order of their names. Hidden ones are left out; links are followed, once where they lead around.
+    Raises `OSError`.
+    """
+    if not os.path.isdir(path):
+        yield "", Path(path)
+        return
+    seen = set()
+    for place, folders, names in os.walk(path, followlinks=True, onerror=_raised):
+        real = os.path.realpath(place)
+        folders[:] = [] if real in seen else sorted(name for name in folders if not _is_hidden(name))
+        if real not in seen:
+            seen.add(real)
+            for name in sorted(name for name in names if not _is_hidden(name)):
+                file = Path(place, name)
+                yield file.relative_to(path).as_posix(), file
+
+
+def _raised(error: OSError) -> None:
+    raise error
+
+
 def hex_of(content: bytes) -> str:
     """Return 12 hex digits of bytes."""
     return hashlib.blake2b(content, digest_size=6).hexdigest()

@@ -144,10 +144,11 @@ def test_what_is_set_in_a_constructor_belongs_in_the_class(registry: Registry) -
         make_agent(registry, "SaysLate")
 
 
-def test_the_content_of_a_file_that_an_option_names_is_in_the_key(registry: Registry) -> None:
-    first = agent_identity("SaysLate:path=speed.txt", registry)
+@pytest.mark.parametrize("given", ["speed.txt", "."])
+def test_the_content_of_a_file_or_folder_that_an_option_names_is_in_the_key(registry: Registry, given: str) -> None:
+    first = agent_identity(f"SaysLate:path={given}", registry)
     Path("speed.txt").write_text("1.0")
-    assert agent_identity("SaysLate:path=speed.txt", registry) != first
+    assert agent_identity(f"SaysLate:path={given}", registry) != first
     assert agent_identity("SaysLate:path=no-file", registry) == agent_identity("SaysLate:path=no-file", registry)
 
 

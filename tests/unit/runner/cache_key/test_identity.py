@@ -336,6 +336,29 @@ def test_weights_count_by_their_content(module, tmp_path):
         identity_with(agent)
 
 
+def test_a_folder_of_weights_counts_by_the_names_and_contents_of_its_files(module, tmp_path):
+    agent = module("lonely_agent", AGENT).Agent
+    folder = tmp_path / "checkpoint"
+    (folder / "shards").mkdir(parents=True)
+    (folder / "config.json").write_text("{}")
+    (folder / "shards" / "1.bin").write_bytes(b"12345")
+    (folder / "shards" / "around").symlink_to(folder)
+    agent.weights = (folder,)
+    first = identity_with(agent)
+    (folder / ".lock").write_text("held")
+    assert identity_with(agent) == first, "hidden files do not count"
+    (folder / "shards" / "1.bin").write_bytes(b"12346")
+    second = identity_with(agent)
+    (folder / "shards" / "1.bin").rename(folder / "shards" / "2.bin")
+    third = identity_with(agent)
+    linked = tmp_path / "elsewhere"
+    linked.mkdir()
+    (folder / "more").symlink_to(linked)
+    assert identity_with(agent) == third
+    (linked / "3.bin").write_bytes(b"1")
+    assert len({first, second, third, identity_with(agent)}) == 4
+
+
 def test_all_of_a_large_weight_file_counts(module, tmp_path, monkeypatch):
     monkeypatch.setattr(source_files, "_BLOCK_BYTES", 4)
     agent = module("lonely_agent", AGENT).Agent
