@@ -121,7 +121,9 @@ class Requirement:
         """
         if reading is None:
             return self
-        return type(self)(self.metric, self.setting.read_as(reading), self.comparison, self.limit)
+        made = type(self)(self.metric, self.setting.read_as(reading), self.comparison, self.limit)
+        object.__setattr__(made, "written", self.written)
+        return made
 
     @property
     def needs_clean(self) -> bool:
