@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 
@@ -11,7 +12,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.registry.registry import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
@@ -57,9 +58,10 @@ def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed
     except BLAMED as error:
         yield Check("end", False, f"{blame(_OURS, error)}.")
         return
-    yield attempt(_OURS, _end, result)
+    yield attempt(_OURS, _end, simulator, result)
     if result.outcome is Outcome.INFRA_ERROR or not result.ticks:
         return
+    yield attempt(_OURS, _plan, record.plan)
     yield attempt(_OURS, _versions, simulator)
     yield attempt(_OURS, _stamps, record.observations, simulator.dt_s)
     yield attempt(_OURS, _truth, simulator, route, seed)
@@ -104,16 +106,41 @@ def _members(simulator: Simulator) -> Check:
     return Check("members", True, "every member of the protocol is there.")
 
 
-def _end(result: EpisodeResult) -> Check:
+def _end(simulator: Simulator, result: EpisodeResult) -> Check:
     if result.outcome is Outcome.INFRA_ERROR:
         return Check("end", False, f"tick {result.ticks}: {result.end_detail}.")
     if not result.ticks:
         return Check("end", False, f"the episode is over after 0 ticks ({result.end.value}): done is None after reset.")
     if result.ticks > _TICKS:
         return Check("end", False, f"the episode took {result.ticks} ticks under a tick_cap of {_TICKS}.")
+    problem = _two_ends(simulator, result)
+    if problem is not None:
+        return Check("end", False, problem)
     if not 0.0 <= result.route_completion_pct <= 100.0:
         return Check("end", False, f"route_completion_pct is {result.route_completion_pct!r}, expected 0..100.")
     return Check("end", True, f"the episode ends after {result.ticks} ticks: {result.end.value}.")
+
+
+def _two_ends(simulator: Simulator, result: EpisodeResult) -> str | None:
+    """Return in a sentence that the world ended otherwise than it is scored, or None."""
+    done = simulator.done
+    if done is result.end:
+        return None
+    return f"done is {done!r}, but score() has the end {result.end!r}: both say why the episode is over."
+
+
+def _plan(plan: object) -> Check:
+    """Check what `Agent.reset` is given: the agent would be blamed for a plan that nobody can follow."""
+    if not isinstance(plan, GlobalPlan):
+        return Check("plan", False, f"plan gave {plan!r}, expected a GlobalPlan.")
+    if not plan.points:
+        return Check("plan", False, "plan gave no points, expected those of the route.")
+    for point in (*plan.points, *plan.dense):
+        if not isinstance(point, PlanPoint) or not (math.isfinite(point.x_m) and math.isfinite(point.y_m)):
+            return Check("plan", False, f"plan gave {point!r}, expected a PlanPoint with finite x_m and y_m.")
+        if not isinstance(point.command, RoadOption):
+            return Check("plan", False, f"plan gave the command {point.command!r}, expected a RoadOption.")
+    return Check("plan", True, f"the agent is given {len(plan.points)} points of the route.")
 
 
 def _versions(simulator: Simulator) -> Check:
@@ -178,9 +205,12 @@ def _states(simulator: Simulator, route: Route, seed: int) -> Check:
 def _stuck(factory: Callable[[SimulatorOptions], Simulator], dt_s: float, route: Route, seed: int) -> Check:
     simulator = factory(SimulatorOptions(tick_cap=round(_BRAKED_S / float(dt_s)), stuck_stop_s=_STUCK_S))
     _, result = drive(ScriptedAgent([Control(brake=1.0)]), simulator, route=route, seed=seed)
+    problem = _two_ends(simulator, result)
     simulator.close()
     if result.outcome is Outcome.INFRA_ERROR:
         return Check("stuck", False, f"an ego that brakes: tick {result.ticks}: {result.end_detail}.")
+    if problem is not None:
+        return Check("stuck", False, f"an ego that brakes: {problem}")
     if result.end is End.STUCK:
         return Check("stuck", True, f"the episode ends once the ego stood for {_STUCK_S:g} s.")
     moved = np.flatnonzero(np.abs(result.trace.column("speed_mps")) >= _STILL_MPS)

@@ -33,6 +33,7 @@ def test_the_fake_keeps_the_contract() -> None:
     assert names == [
         "members",
         "end",
+        "plan",
         "versions",
         "stamps",
         "truth",
@@ -213,6 +214,40 @@ def test_a_plan_that_is_different_every_time_is_found() -> None:
     report = check_simulator(Wayward)
     assert failed(report) == ["determinism"]
     assert "has another plan" in report["determinism"].sentence
+
+
+POINT = PlanPoint(0.0, 0.0, RoadOption.LANE_FOLLOW)
+
+
+@pytest.mark.parametrize(
+    ("plan", "told"),
+    [
+        (None, "plan gave None, expected a GlobalPlan."),
+        (GlobalPlan(()), "plan gave no points, expected those of the route."),
+        (GlobalPlan(((0.0, 0.0),)), "plan gave (0.0, 0.0), expected a PlanPoint with finite x_m and y_m."),  # type: ignore[arg-type]
+        (GlobalPlan((POINT, replace(POINT, x_m=math.nan))), "plan gave PlanPoint(x_m=nan, "),
+        (GlobalPlan((POINT,), dense=(replace(POINT, command=4),)), "plan gave the command 4, expected a RoadOption."),  # type: ignore[arg-type]
+    ],
+)
+def test_a_plan_that_no_agent_can_follow_is_found(plan: GlobalPlan, told: str) -> None:
+    class Lost(FakeSimulator):
+        def plan(self) -> GlobalPlan:
+            return plan
+
+    report = check_simulator(Lost)
+    assert failed(report) == ["plan"]
+    assert told in report["plan"].sentence
+
+
+def test_a_world_that_is_scored_otherwise_than_it_ended_is_found() -> None:
+    class Flattering(FakeSimulator):
+        def score(self) -> EpisodeScore:
+            return replace(super().score(), end=End.COMPLETED)
+
+    report = check_simulator(Flattering)
+    assert failed(report) == ["end", "stuck"]
+    assert "done is <End.TICK_CAP: " in report["end"].sentence
+    assert "score() has the end <End.COMPLETED: " in report["end"].sentence
 
 
 def test_a_speed_that_is_left_of_the_last_episode_is_found() -> None:
