@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import random
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 
@@ -16,6 +17,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, 
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.registry.registry import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, first_difference_seen
@@ -36,7 +38,7 @@ _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 1
 def check_simulator(
     factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
 ) -> ContractReport:
-    """Drive five episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
+    """Drive six episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
 
     Raises nothing.
     """
@@ -81,6 +83,7 @@ def _repeated(
     yield (forgets := attempt(_OURS, _reset, simulator, route, seed, first))
     if forgets.ok:
         yield attempt(_OURS, _isolation, simulator, route, seed, first[0])
+        yield attempt(_OURS, _globals, simulator, factory, route, seed, first[0])
 
 
 def _cameras(dt_s: float) -> tuple[CameraSpec, CameraSpec]:
@@ -237,6 +240,36 @@ def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingA
     if tick is not None:
         return Check("isolation", False, f"writing to an image changes what is seen in tick {tick}.")
     return Check("isolation", True, "writing to an image changes nothing in later ticks.")
+
+
+def _globals(
+    simulator: Simulator,
+    factory: Callable[[SimulatorOptions], Simulator],
+    route: Route,
+    seed: int,
+    record: RecordingAgent,
+) -> Check:
+    """Check that a world shares nothing with an agent that draws from global generators, nor with a world beside it."""
+    beside = factory(SimulatorOptions(tick_cap=_TICKS))
+    script = iter(record.controls)
+
+    def draw(observation: Observation) -> Control:
+        random.random()
+        np.random.random()
+        if beside.done is None:
+            beside.observe()
+            beside.step(Control.NEUTRAL)
+        return next(script)
+
+    with borrowed_generators("check_simulator"):
+        beside.reset(route, seed=seed + 1, cameras=())
+        shared, _ = drive(ScriptedAgent(draw, cameras=_cameras(simulator.dt_s)), simulator, route=route, seed=seed)
+    beside.close()
+    tick = first_difference_seen(record.observations, shared.observations)
+    if tick is not None:
+        told = f"draws from global generators, or a world beside this one, change what is seen in tick {tick}"
+        return Check("globals", False, f"{told}: draw from a generator of the object, and keep all state in it.")
+    return Check("globals", True, "neither draws from global generators nor a world beside this one reach it.")
 
 
 def _determinism(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed: int, first: _Driven) -> Check:

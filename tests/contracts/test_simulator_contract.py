@@ -7,14 +7,16 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
-from pytest_drive_robust.domain.truth import GroundTruth, WorldState
+from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -42,6 +44,7 @@ def test_the_fake_keeps_the_contract() -> None:
         "determinism",
         "reset",
         "isolation",
+        "globals",
         "close",
     ]
 
@@ -273,6 +276,38 @@ def test_infractions_that_are_left_of_the_last_episode_are_found() -> None:
     report = check_simulator(Resentful)
     assert failed(report) == ["reset"]
     assert "has another score: infractions" in report["reset"].sentence
+
+
+def test_a_world_that_draws_from_a_global_generator_is_found() -> None:
+    class Gusty(FakeSimulator):
+        def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+            np.random.seed(seed)
+            return super().reset(route, seed=seed, cameras=cameras)
+
+        def step(self, control: Control) -> WorldState:
+            return super().step(replace(control, throttle=control.throttle * np.random.random()))
+
+    report = check_simulator(Gusty)
+    assert failed(report) == ["globals"]
+    assert "what is seen in tick 1: draw from a generator of the object" in report["globals"].sentence
+
+
+def test_worlds_that_share_what_an_episode_changes_are_found() -> None:
+    class Siblings(FakeSimulator):
+        egos: ClassVar[list[EgoState]] = []
+
+        def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+            state = super().reset(route, seed=seed, cameras=cameras)
+            self.egos[:] = [state.ego]
+            return state
+
+        def step(self, control: Control) -> WorldState:
+            self._ego = self.egos[0]
+            state = super().step(control)
+            self.egos[:] = [state.ego]
+            return state
+
+    assert failed(check_simulator(Siblings)) == ["globals"]
 
 
 @pytest.mark.parametrize(
