@@ -340,6 +340,24 @@ def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
     assert failed(check_agent(Planner)) == ["plan"]
 
 
+def test_a_plan_that_changes_what_is_driven_is_found() -> None:
+    class Smoothing(Good):
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            super().reset(route, seed)
+            self.throttle = 0.2
+
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle)
+
+        def plan(self) -> PlannedPath:
+            self.throttle += 0.5 * (1.0 - self.throttle)
+            return super().plan()
+
+    report = check_agent(Smoothing)
+    assert failed(report) == ["plan"]
+    assert report["plan"].sentence.startswith("plan changes the control of act 1: ")
+
+
 class Batched(Good):
     """`act` for many, every row by itself."""
 
