@@ -24,6 +24,7 @@ from pytest_drive_robust.runner.episode.contract import (
     agent_reset,
     blame,
 )
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -89,8 +90,9 @@ class _Trial:
     act_timeout_s: float | None
 
     def make(self) -> Agent:
-        """Return a new agent."""
-        agent = self.factory()
+        """Return a new agent, whose constructor draws the same every time, as in a run."""
+        with borrowed_generators("check_agent"):
+            agent = self.factory()
         return agent if self.act_timeout_s is None else with_time_limit(agent, self.act_timeout_s)
 
     def checks(self) -> Iterator[Check]:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import cv2
+import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.agent import PlannedPath
@@ -214,6 +215,23 @@ def test_randomness_that_does_not_come_from_the_seed_is_found() -> None:
     assert failed(report) == ["determinism"]
     assert "from act 0 on" in report["determinism"].sentence
     assert report.checks[-1].name == "plan"  # nothing else can be told of an agent that differs from itself
+
+
+def test_a_constructor_may_draw_from_global_generators_and_act_may_not() -> None:
+    class DrawsOnce(Good):
+        def __init__(self) -> None:
+            self.throttle = 0.5 * random.random() + 0.5 * float(np.random.rand())
+
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle)
+
+    class DrawsAlways(DrawsOnce):
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle * random.random())
+
+    report = check_agent(DrawsOnce)
+    assert report.ok, str(report)
+    assert failed(check_agent(DrawsAlways)) == ["determinism"]
 
 
 def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
