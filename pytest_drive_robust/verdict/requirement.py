@@ -54,7 +54,10 @@ def metric_names() -> list[str]:
 
 
 class Written(NamedTuple):
-    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text."""
+    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text.
+
+    The path is absolute: a test may go to another folder before its failure is told.
+    """
 
     path: Path | None
     line: int

@@ -60,7 +60,7 @@ def requirements(text: str | Path, *more: str, known: Known | None = None) -> li
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
-    path, text = (text, _read(text)) if isinstance(text, Path) else (None, "\n".join((text, *more)))
+    path, text = (text.absolute(), _read(text)) if isinstance(text, Path) else (None, "\n".join((text, *more)))
     for number, line in enumerate(text.splitlines(), 1):
         sentence = split_outside_quotes(line, "#")[0].strip()
         if not sentence:

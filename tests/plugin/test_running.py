@@ -638,6 +638,24 @@ def test_a_failure_names_the_line_of_the_requirement_that_is_broken(suite, readi
     assert lines == ["6", "16"], "from 0: of the sentence, and of the test that has none for what is broken"
 
 
+STATED_ELSEWHERE = """
+from pathlib import Path
+import pytest
+from pytest_drive_robust import requirements
+
+@pytest.mark.parametrize("requirement", requirements(Path("limits.txt")))
+def test_it(drive, requirement, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    drive.check(requirement)
+"""
+
+
+def test_a_failure_names_the_file_of_its_requirement_wherever_the_test_has_gone(suite):
+    folder = suite(test=STATED_ELSEWHERE)
+    (folder.path / "limits.txt").write_text(f"# limits\n{RED}\n")
+    run(folder).stdout.fnmatch_lines(["  stated:  limits.txt:2"])
+
+
 @pytest.mark.parametrize("call", ["check", "minimal"])
 def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
     result = run(suite(test=f"def test_it(drive):\n    drive.{call}('DS under clean >= 1')\n"))
