@@ -74,7 +74,8 @@ class DrivingPlugin:
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
                 crash.message = _first_line(error)
-            place = place_of(item)
+            stated = error.what if isinstance(error, NotJudgedError) else error.verdict.requirement
+            place = place_of(item, stated)
             if place is not None:
                 report.location = (place[0], place[1] - 1, report.location[2])  # from 0
             if isinstance(error, NotJudgedError):

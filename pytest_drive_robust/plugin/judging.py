@@ -98,7 +98,7 @@ class Drive:
         """
         __tracebackhide__ = True
         _require_requirement("check", requirement)
-        with self._errors_of(str(requirement)):
+        with self._errors_of(requirement):
             rule = MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._verdict_rule)
             verdict_rule = rule.for_routes(len(self.routes))
             requirement = requirement.read_as(self._reading)
@@ -189,7 +189,7 @@ class Drive:
         """
         __tracebackhide__ = True
         _require_requirement("minimal", requirement)
-        with self._errors_of(str(requirement)):
+        with self._errors_of(requirement):
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
             rule = self._verdict_rule.for_routes(len(self.routes))
             judgement = self._context.campaign.decide(requirement, self._scope, rule)
@@ -215,7 +215,7 @@ class Drive:
         return (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
 
     @contextmanager
-    def _errors_of(self, what: str) -> Iterator[None]:
+    def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
         self._was_asked = True
         try:
@@ -254,7 +254,7 @@ class Drive:
             self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
             return
         attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
-        place = place_of(self._item)
+        place = place_of(self._item, verdict.requirement)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
         reach = self._reach(verdict.requirement)
         error = BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)

@@ -18,17 +18,19 @@ def requirements_of(item: pytest.Item) -> list[Requirement]:
     return [value for value in values if isinstance(value, Requirement)]
 
 
-def place_of(item: pytest.Item) -> tuple[str, int] | None:
-    """Return the file, relative to the root folder, and the line, from 1; None where no sentence is found."""
-    written = next((stated.written for stated in requirements_of(item) if stated.written), None)
-    if written is None:
+def place_of(item: pytest.Item, stated: object) -> tuple[str, int] | None:
+    """Return the file, relative to the root folder, and the line, from 1, where a test has what it asks for.
+
+    None where no sentence is found, or the test asks for something else than a requirement.
+    """
+    if not isinstance(stated, Requirement) or stated.written is None:
         return None
-    path, line, sentence = written
+    path, line, sentence = stated.written
     if path is None:  # a text in the test's module
         path = item.path
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-        stated = re.compile(rf"(?<![\w.]){re.escape(sentence)}(?![\w.])")
-        found = [number for number, text in enumerate(lines, 1) if stated.search(text)]
+        whole = re.compile(rf"(?<![\w.]){re.escape(sentence)}(?![\w.])")
+        found = [number for number, text in enumerate(lines, 1) if whole.search(text)]
         if not found:
             return None
         here = item.location[1] or 0

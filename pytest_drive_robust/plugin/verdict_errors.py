@@ -27,6 +27,7 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
 
     def __init__(self, what: object, why: object) -> None:
         super().__init__(legible(f"ERROR: not judged: {what}\n{why}"), pytrace=False)
+        self.what = what
 
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()

@@ -7,7 +7,7 @@ import importlib
 import inspect
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -23,30 +23,52 @@ _GROUP = "pytest_drive_robust"
 _FLAGS = {"true": True, "false": False}
 
 
-class ConfiguredFactory(functools.partial[Any]):
-    """A factory with some of its options chosen. All other attributes are those of the factory."""
+class PartialFactory(functools.partial[Any]):
+    """A factory with some of its parameters given. What is not said of it is said of the factory."""
+
+    @classmethod
+    def of(cls, factory: Any) -> Any:
+        """Return a `functools.partial` as one that tells what its factory says; anything else as it is."""
+        if type(factory) is not functools.partial:
+            return factory
+        made = cls(factory.func, *factory.args, **factory.keywords)
+        vars(made).update(vars(factory))
+        return made
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.func, name)
 
     @property
     def weights(self) -> Any:
-        """The files and folders that the factory names, and those that its options name."""
-        named: Any = getattr(self.func, "weights", None)
-        chosen = [value for value in self.keywords.values() if isinstance(value, str) and os.path.exists(value)]
+        """The files and folders that the factory names, and those that its parameters name."""
+        said = vars(self)
+        named: Any = said["weights"] if "weights" in said else getattr(self.func, "weights", None)
+        chosen = [value for value in self._given().values() if _is_there(value)]
         if not chosen or not isinstance(named, (list, tuple, str, os.PathLike, type(None))):
             return named
         several = list(named) if isinstance(named, (list, tuple)) else [] if named is None else [named]
         return [*several, *chosen]
 
     def check(self) -> None:
-        """Call the factory's own `check`, where it has one, with those of the options that it takes."""
-        check = check_of(self.func)
+        """Call the factory's own `check`, where it has one, with those of the given parameters that it takes."""
+        check, given = check_of(self.func), self._given()
         if check is not None:
             known = inspect.signature(check).parameters.values()
             takes_all = any(parameter.kind is parameter.VAR_KEYWORD for parameter in known)
-            names = self.keywords if takes_all else {parameter.name for parameter in known}
-            check(**{name: value for name, value in self.keywords.items() if name in names})
+            names = given if takes_all else {parameter.name for parameter in known}
+            check(**{name: value for name, value in given.items() if name in names})
+
+    def _given(self) -> Mapping[str, Any]:
+        names = inspect.signature(self.func).parameters if self.args else ()
+        return {**dict(zip(names, self.args, strict=False)), **self.keywords}
+
+
+class ConfiguredFactory(PartialFactory):
+    """A factory with options that follow the name of its agent."""
+
+
+def _is_there(value: object) -> bool:
+    return isinstance(value, (str, os.PathLike)) and os.path.exists(value)
 
 
 def check_of(factory: object) -> Callable[..., object] | None:
@@ -81,7 +103,7 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
         if name not in known:
             raise UnknownNameError.of(f"option of the agent {agent!r}", name, known)
         options[name] = _value(agent, name, value, known[name])
-    return ConfiguredFactory(factory, **options)
+    return ConfiguredFactory(PartialFactory.of(factory), **options)
 
 
 def _value(agent: str, name: str, text: str, default: object) -> object:
@@ -137,7 +159,7 @@ class Entry:
     def load(self) -> object:
         """Return what is registered under the name. Raises `PluginError` with the origin when importing it fails."""
         try:
-            return self.loader()
+            loaded = self.loader()
         except (DriveRobustError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an import may also call sys.exit() or pytest.skip(), and others go on
@@ -145,6 +167,7 @@ class Entry:
                 f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin} does not load: "
                 f"{type(error).__name__}: {error}. {self.advice}"
             ) from error
+        return PartialFactory.of(loaded) if self.kind == "agents" else loaded
 
 
 def from_entry_points() -> dict[str, list[Entry]]:

@@ -37,6 +37,10 @@ def routes_of(spec: str, world: Simulator, load: Callable[[str], tuple[Route, ..
     with _refusing(f"`routes` of the simulator {world.name!r}", "routes"):
         routes = tuple(routes_for(spec, world, load))
         ids = [route.id for route in routes]
+        types = [route.scenario.type for route in routes]
+    for what, given in (*(("id", name) for name in ids), *(("scenario of the type", name) for name in types)):
+        if not isinstance(given, str):
+            raise PluginError(f"the simulator {world.name!r} gives a route with the {what} {given!r}, expected text.")
     twice = sorted({name for name in ids if ids.count(name) > 1})
     if twice:
         raise PluginError(

@@ -16,7 +16,15 @@ from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.runner.cache_key.declared import undeclared
 from pytest_drive_robust.runner.cache_key.identity import weights_digest
-from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, blame
+from pytest_drive_robust.runner.episode.contract import (
+    BLAMED,
+    agent_act,
+    agent_act_batch,
+    agent_plan,
+    agent_reset,
+    blame,
+)
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -82,8 +90,9 @@ class _Trial:
     act_timeout_s: float | None
 
     def make(self) -> Agent:
-        """Return a new agent."""
-        agent = self.factory()
+        """Return a new agent, whose constructor draws the same every time, as in a run."""
+        with borrowed_generators("check_agent"):
+            agent = self.factory()
         return agent if self.act_timeout_s is None else with_time_limit(agent, self.act_timeout_s)
 
     def checks(self) -> Iterator[Check]:
@@ -95,6 +104,7 @@ class _Trial:
         self.truth: GroundTruth = self.simulator.truth()
         yield self.time()
         yield (same := self.attempt(self.determinism))
+        self.repeats = same.ok
         compared = (self.reset, self.isolation, self.consumes, self.privileged)
         # what never drives the same twice differs from itself in all that is compared: one fault, told once
         for promise in (*compared, self.plan, self.lockstep) if same.ok else (self.plan,):
@@ -254,6 +264,10 @@ class _Trial:
                 return Check("plan", False, f"plan returned the {name} {points!r}, expected rows of numbers.")
             if not finite:
                 return Check("plan", False, f"plan returned a point of {name} that is not finite.")
+        tick = first_difference(self.record.controls, self.feed_asking_for_plans()) if self.repeats else None
+        if tick is not None:
+            told = f"plan changes the control of act {tick}: it is for pictures, and not asked in every tick"
+            return Check("plan", False, f"{told}. Let it return what act has kept.")
         return Check("plan", True, f"plan gives {count} points.")
 
     def lockstep(self) -> Check:
@@ -281,6 +295,17 @@ class _Trial:
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.make()
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+
+    def feed_asking_for_plans(self) -> list[Control]:
+        """Return a new agent's controls for the recorded observations, where it is asked for its plan after each."""
+        assert self.record.plan is not None  # the recorded episode began with reset
+        agent = self.make()
+        agent_reset(agent, self.record.plan, self.seed)
+        controls = []
+        for seen in self.record.observations:
+            controls.append(agent_act(agent, seen.private()))
+            agent_plan(agent)
+        return controls
 
 
 def _broken(name: str, when: str, result: EpisodeResult) -> Check:

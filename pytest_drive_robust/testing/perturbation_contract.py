@@ -30,6 +30,7 @@ _OURS = "the perturbation"
 _TICKS = 80
 _DT_S = 0.05
 _HELD_TICKS = 4
+_ACT_S, _SLOW_ACT_S = 0.01, 1.0
 _SEAMS = ("observe", "wants_inference", "actuate")
 _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", width_px=24, height_px=16, rate_hz=10.0))
 
@@ -136,10 +137,13 @@ class _Drive:
     schedule: object = ()
 
 
-def _episode(perturbation: Perturbation, clean: list[Observation], seed: int, *, every: int = 1) -> _Drive:
+def _episode(
+    perturbation: Perturbation, clean: list[Observation], seed: int, *, every: int = 1, act_s: float = _ACT_S
+) -> _Drive:
     """Return the recorded drive under the perturbation.
 
-    The agent is asked in every tick that is a multiple of `every`, where the perturbation lets it be asked.
+    The agent is asked in every tick that is a multiple of `every`, where the perturbation lets it be asked, and takes
+    `act_s` seconds for its answer.
     """
     own = copy.deepcopy(perturbation)
     own.reset(EpisodeContext("1", seed, _DT_S, _CAMERAS, kebab_name(type(own))))
@@ -148,7 +152,7 @@ def _episode(perturbation: Perturbation, clean: list[Observation], seed: int, *,
         done.seen.append(own.observe(observation))  # no stack, which raises for what is checked here
         done.wanted.append(own.wants_inference(tick))
         asked = bool(done.wanted[-1]) and tick % every == 0
-        given = own.actuate(tick, _wanted(tick) if asked else None, 0.01 if asked else 0.0)
+        given = own.actuate(tick, _wanted(tick) if asked else None, act_s if asked else 0.0)
         if asked:
             done.answered.append(given)
         last = last if given is None else given
@@ -226,11 +230,19 @@ def _controls(applied: list[Control], answered: list[Control | None]) -> Check:
 
 def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int, done: _Drive) -> Check:
     _episode(perturbation, clean, seed + 1)  # an episode in between must leave no trace
-    again = _episode(perturbation, clean, seed)
-    tick = first_difference_seen(done.seen, again.seen)
-    if tick is None:
-        tick = first_difference(done.applied, again.applied)
+    tick = _first_difference(done, _episode(perturbation, clean, seed))
     if tick is not None:
         advice = "draw from (seed, route, stream, sensor, tick) only, and keep no state but what reset builds"
         return Check("determinism", False, f"the same episode differs from tick {tick} on: {advice}.")
+    if not getattr(perturbation, "measures_inference", False):
+        tick = _first_difference(done, _episode(perturbation, clean, seed, act_s=_SLOW_ACT_S))
+        if tick is not None:
+            told = f"the same episode differs from tick {tick} on where act takes longer"
+            return Check("determinism", False, f"{told}: decide nothing by inference_s, which is never the same twice.")
     return Check("determinism", True, "the same episode is perturbed the same, whatever was driven before.")
+
+
+def _first_difference(one: _Drive, other: _Drive) -> int | None:
+    """Return the first tick in which the agent saw or the vehicle got something else, or None."""
+    tick = first_difference_seen(one.seen, other.seen)
+    return first_difference(one.applied, other.applied) if tick is None else tick

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Callable, Iterator, Mapping
 from numbers import Real
 
@@ -11,10 +13,11 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.registry.registry import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
+from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, first_difference_seen
@@ -35,7 +38,7 @@ _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 1
 def check_simulator(
     factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
 ) -> ContractReport:
-    """Drive five episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
+    """Drive six episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
 
     Raises nothing.
     """
@@ -57,9 +60,10 @@ def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed
     except BLAMED as error:
         yield Check("end", False, f"{blame(_OURS, error)}.")
         return
-    yield attempt(_OURS, _end, result)
+    yield attempt(_OURS, _end, simulator, result)
     if result.outcome is Outcome.INFRA_ERROR or not result.ticks:
         return
+    yield attempt(_OURS, _plan, record.plan)
     yield attempt(_OURS, _versions, simulator)
     yield attempt(_OURS, _stamps, record.observations, simulator.dt_s)
     yield attempt(_OURS, _truth, simulator, route, seed)
@@ -79,6 +83,7 @@ def _repeated(
     yield (forgets := attempt(_OURS, _reset, simulator, route, seed, first))
     if forgets.ok:
         yield attempt(_OURS, _isolation, simulator, route, seed, first[0])
+        yield attempt(_OURS, _globals, simulator, factory, route, seed, first[0])
 
 
 def _cameras(dt_s: float) -> tuple[CameraSpec, CameraSpec]:
@@ -104,16 +109,41 @@ def _members(simulator: Simulator) -> Check:
     return Check("members", True, "every member of the protocol is there.")
 
 
-def _end(result: EpisodeResult) -> Check:
+def _end(simulator: Simulator, result: EpisodeResult) -> Check:
     if result.outcome is Outcome.INFRA_ERROR:
         return Check("end", False, f"tick {result.ticks}: {result.end_detail}.")
     if not result.ticks:
         return Check("end", False, f"the episode is over after 0 ticks ({result.end.value}): done is None after reset.")
     if result.ticks > _TICKS:
         return Check("end", False, f"the episode took {result.ticks} ticks under a tick_cap of {_TICKS}.")
+    problem = _two_ends(simulator, result)
+    if problem is not None:
+        return Check("end", False, problem)
     if not 0.0 <= result.route_completion_pct <= 100.0:
         return Check("end", False, f"route_completion_pct is {result.route_completion_pct!r}, expected 0..100.")
     return Check("end", True, f"the episode ends after {result.ticks} ticks: {result.end.value}.")
+
+
+def _two_ends(simulator: Simulator, result: EpisodeResult) -> str | None:
+    """Return in a sentence that the world ended otherwise than it is scored, or None."""
+    done = simulator.done
+    if done is result.end:
+        return None
+    return f"done is {done!r}, but score() has the end {result.end!r}: both say why the episode is over."
+
+
+def _plan(plan: object) -> Check:
+    """Check what `Agent.reset` is given: the agent would be blamed for a plan that nobody can follow."""
+    if not isinstance(plan, GlobalPlan):
+        return Check("plan", False, f"plan gave {plan!r}, expected a GlobalPlan.")
+    if not plan.points:
+        return Check("plan", False, "plan gave no points, expected those of the route.")
+    for point in (*plan.points, *plan.dense):
+        if not isinstance(point, PlanPoint) or not (math.isfinite(point.x_m) and math.isfinite(point.y_m)):
+            return Check("plan", False, f"plan gave {point!r}, expected a PlanPoint with finite x_m and y_m.")
+        if not isinstance(point.command, RoadOption):
+            return Check("plan", False, f"plan gave the command {point.command!r}, expected a RoadOption.")
+    return Check("plan", True, f"the agent is given {len(plan.points)} points of the route.")
 
 
 def _versions(simulator: Simulator) -> Check:
@@ -178,9 +208,12 @@ def _states(simulator: Simulator, route: Route, seed: int) -> Check:
 def _stuck(factory: Callable[[SimulatorOptions], Simulator], dt_s: float, route: Route, seed: int) -> Check:
     simulator = factory(SimulatorOptions(tick_cap=round(_BRAKED_S / float(dt_s)), stuck_stop_s=_STUCK_S))
     _, result = drive(ScriptedAgent([Control(brake=1.0)]), simulator, route=route, seed=seed)
+    problem = _two_ends(simulator, result)
     simulator.close()
     if result.outcome is Outcome.INFRA_ERROR:
         return Check("stuck", False, f"an ego that brakes: tick {result.ticks}: {result.end_detail}.")
+    if problem is not None:
+        return Check("stuck", False, f"an ego that brakes: {problem}")
     if result.end is End.STUCK:
         return Check("stuck", True, f"the episode ends once the ego stood for {_STUCK_S:g} s.")
     moved = np.flatnonzero(np.abs(result.trace.column("speed_mps")) >= _STILL_MPS)
@@ -207,6 +240,36 @@ def _isolation(simulator: Simulator, route: Route, seed: int, record: RecordingA
     if tick is not None:
         return Check("isolation", False, f"writing to an image changes what is seen in tick {tick}.")
     return Check("isolation", True, "writing to an image changes nothing in later ticks.")
+
+
+def _globals(
+    simulator: Simulator,
+    factory: Callable[[SimulatorOptions], Simulator],
+    route: Route,
+    seed: int,
+    record: RecordingAgent,
+) -> Check:
+    """Check that a world shares nothing with an agent that draws from global generators, nor with a world beside it."""
+    beside = factory(SimulatorOptions(tick_cap=_TICKS))
+    script = iter(record.controls)
+
+    def draw(observation: Observation) -> Control:
+        random.random()
+        np.random.random()
+        if beside.done is None:
+            beside.observe()
+            beside.step(Control.NEUTRAL)
+        return next(script)
+
+    with borrowed_generators("check_simulator"):
+        beside.reset(route, seed=seed + 1, cameras=())
+        shared, _ = drive(ScriptedAgent(draw, cameras=_cameras(simulator.dt_s)), simulator, route=route, seed=seed)
+    beside.close()
+    tick = first_difference_seen(record.observations, shared.observations)
+    if tick is not None:
+        told = f"draws from global generators, or a world beside this one, change what is seen in tick {tick}"
+        return Check("globals", False, f"{told}: draw from a generator of the object, and keep all state in it.")
+    return Check("globals", True, "neither draws from global generators nor a world beside this one reach it.")
 
 
 def _determinism(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed: int, first: _Driven) -> Check:

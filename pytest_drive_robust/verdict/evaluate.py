@@ -14,7 +14,7 @@ from pytest_drive_robust.metrics.episodes import require_scorable, values_by_rou
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.stats.evidence import fail_p_value
 from pytest_drive_robust.stats.intervals import (
     evidence_interval,
@@ -272,7 +272,7 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
     if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
         return
     dt_s, seen = driven[0].dt_s, receptions[0]
-    reasons = [f"{item}: {item.idle_reason(seen.cameras, dt_s)}" for item in setting.perturbations]
+    reasons = [f"{item}: {_idle_reason(item, seen, dt_s)}" for item in setting.perturbations]
     episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
     raise ComparisonError(
         "\n  ".join(
@@ -284,6 +284,14 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
             ]
         )
     )
+
+
+def _idle_reason(perturbation: Perturbation, seen: Reception, dt_s: float) -> str:
+    """Return what a failure says of having changed nothing; what it raises hides no verdict."""
+    try:
+        return perturbation.idle_reason(seen.cameras, dt_s)
+    except Exception as error:
+        return f"its idle_reason raised {type(error).__name__}: {error}"
 
 
 def _used(reception: Reception) -> Iterable[str]:

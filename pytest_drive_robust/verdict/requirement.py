@@ -18,7 +18,7 @@ from pytest_drive_robust.metrics.table import METRICS, Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets
+from pytest_drive_robust.perturbations.sentences import brackets, render_value
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
 from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
@@ -54,7 +54,10 @@ def metric_names() -> list[str]:
 
 
 class Written(NamedTuple):
-    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text."""
+    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text.
+
+    The path is absolute: a test may go to another folder before its failure is told.
+    """
 
     path: Path | None
     line: int
@@ -121,7 +124,9 @@ class Requirement:
         """
         if reading is None:
             return self
-        return type(self)(self.metric, self.setting.read_as(reading), self.comparison, self.limit)
+        made = type(self)(self.metric, self.setting.read_as(reading), self.comparison, self.limit)
+        object.__setattr__(made, "written", self.written)
+        return made
 
     @property
     def needs_clean(self) -> bool:
@@ -268,7 +273,8 @@ def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
     # RD has no lower end, but a perturbed score of twice the clean one is a mistake in the sentence, not a wish.
     low, high = (-1.0, 1.0) if metric.needs_clean else (metric.low, metric.high)
     if not math.isfinite(number) or not low <= number <= high:
-        raise RequirementError(f"the limit of {metric.name} is {number:g}, expected {_range(low, high)}.")
+        told = f"the limit of {metric.name} is {render_value(number)}"
+        raise RequirementError(f"{told}, expected {_range(low, high)}.")
     if metric.needs_clean and number == low:
         raise RequirementError(f"the limit of {metric.name} is {number:g}, expected a number above {low:g}.")
     always = metric.high if comparison == "<=" else metric.low

@@ -60,7 +60,7 @@ def requirements(text: str | Path, *more: str, known: Known | None = None) -> li
     known = default_registry().perturbations() if known is None else known
     found: dict[str, tuple[int, Requirement]] = {}
     problems: list[str] = []
-    path, text = (text, _read(text)) if isinstance(text, Path) else (None, "\n".join((text, *more)))
+    path, text = (text.absolute(), _read(text)) if isinstance(text, Path) else (None, "\n".join((text, *more)))
     for number, line in enumerate(text.splitlines(), 1):
         sentence = split_outside_quotes(line, "#")[0].strip()
         if not sentence:
@@ -188,15 +188,23 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
 
 
 def _ladder(words: str, known: Known) -> Ladder:
-    by_word = {failure_word(cls).lower(): cls for cls in known.values()}
-    cls = by_word.get(" ".join(words.lower().split()))
-    if cls is None:
+    by_word: dict[str, list[type[Perturbation]]] = {}
+    for cls in dict.fromkeys(known.values()):
+        by_word.setdefault(failure_word(cls).lower(), []).append(cls)
+    called = by_word.get(" ".join(words.lower().split()), [])
+    if not called:
         hint = did_you_mean(words, by_word)
         raise RequirementError(
             f"there is no failure called {words!r}.{hint} Expected one of {', '.join(sorted(by_word))}."
         )
+    graded = [cls for cls in called if cls.ladder is not None] or called
+    if len(graded) > 1:
+        names = " and ".join(cls.__name__ for cls in graded)
+        raise RequirementError(
+            f"{words!r} may be {names}. Say which by its sentence, as in '{_EXAMPLE}', or give one another phrase."
+        )
     try:
-        return ladder_of(cls, dt_s=ANY_TICK_S)
+        return ladder_of(graded[0], dt_s=ANY_TICK_S)
     except PerturbationError as error:
         raise RequirementError(str(error)) from None
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 import cv2
+import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.agent import PlannedPath
@@ -216,6 +217,23 @@ def test_randomness_that_does_not_come_from_the_seed_is_found() -> None:
     assert report.checks[-1].name == "plan"  # nothing else can be told of an agent that differs from itself
 
 
+def test_a_constructor_may_draw_from_global_generators_and_act_may_not() -> None:
+    class DrawsOnce(Good):
+        def __init__(self) -> None:
+            self.throttle = 0.5 * random.random() + 0.5 * float(np.random.rand())
+
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle)
+
+    class DrawsAlways(DrawsOnce):
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle * random.random())
+
+    report = check_agent(DrawsOnce)
+    assert report.ok, str(report)
+    assert failed(check_agent(DrawsAlways)) == ["determinism"]
+
+
 def test_an_agent_that_remembers_its_last_episode_is_found() -> None:
     class Tired(Good):
         acts = 0
@@ -338,6 +356,24 @@ def test_a_plan_that_cannot_be_drawn_is_found(planned: object) -> None:
             return planned  # type: ignore[return-value]
 
     assert failed(check_agent(Planner)) == ["plan"]
+
+
+def test_a_plan_that_changes_what_is_driven_is_found() -> None:
+    class Smoothing(Good):
+        def reset(self, route: GlobalPlan, seed: int) -> None:
+            super().reset(route, seed)
+            self.throttle = 0.2
+
+        def act(self, observation: Observation) -> Control:
+            return Control(throttle=self.throttle)
+
+        def plan(self) -> PlannedPath:
+            self.throttle += 0.5 * (1.0 - self.throttle)
+            return super().plan()
+
+    report = check_agent(Smoothing)
+    assert failed(report) == ["plan"]
+    assert report["plan"].sentence.startswith("plan changes the control of act 1: ")
 
 
 class Batched(Good):

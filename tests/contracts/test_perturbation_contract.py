@@ -363,3 +363,20 @@ def test_a_phrase_that_no_requirement_can_hold_is_found() -> None:
     check = check_perturbation(Numbered())["sentence"]
     assert not check.ok
     assert "can stand in no requirement" in check.sentence
+
+
+def test_a_failure_that_depends_on_the_wall_time_of_act_is_found() -> None:
+    @dataclass
+    class Throttled(Perturbation):
+        phrase = "hot computer"
+
+        def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control | None:
+            return control if inference_s < 0.05 else None
+
+    report = check_perturbation(Throttled())
+    assert failed(report) == ["determinism"]
+    assert report["determinism"].sentence.startswith("the same episode differs from tick 0 on where act takes longer: ")
+
+
+def test_a_failure_that_says_that_it_measures_the_wall_time_may_depend_on_it() -> None:
+    assert check_perturbation(InferenceLatency(mode="measured")).ok

@@ -7,14 +7,16 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import ClassVar
 
+import numpy as np
 import pytest
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
-from pytest_drive_robust.domain.truth import GroundTruth, WorldState
+from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
@@ -33,6 +35,7 @@ def test_the_fake_keeps_the_contract() -> None:
     assert names == [
         "members",
         "end",
+        "plan",
         "versions",
         "stamps",
         "truth",
@@ -41,6 +44,7 @@ def test_the_fake_keeps_the_contract() -> None:
         "determinism",
         "reset",
         "isolation",
+        "globals",
         "close",
     ]
 
@@ -215,6 +219,40 @@ def test_a_plan_that_is_different_every_time_is_found() -> None:
     assert "has another plan" in report["determinism"].sentence
 
 
+POINT = PlanPoint(0.0, 0.0, RoadOption.LANE_FOLLOW)
+
+
+@pytest.mark.parametrize(
+    ("plan", "told"),
+    [
+        (None, "plan gave None, expected a GlobalPlan."),
+        (GlobalPlan(()), "plan gave no points, expected those of the route."),
+        (GlobalPlan(((0.0, 0.0),)), "plan gave (0.0, 0.0), expected a PlanPoint with finite x_m and y_m."),  # type: ignore[arg-type]
+        (GlobalPlan((POINT, replace(POINT, x_m=math.nan))), "plan gave PlanPoint(x_m=nan, "),
+        (GlobalPlan((POINT,), dense=(replace(POINT, command=4),)), "plan gave the command 4, expected a RoadOption."),  # type: ignore[arg-type]
+    ],
+)
+def test_a_plan_that_no_agent_can_follow_is_found(plan: GlobalPlan, told: str) -> None:
+    class Lost(FakeSimulator):
+        def plan(self) -> GlobalPlan:
+            return plan
+
+    report = check_simulator(Lost)
+    assert failed(report) == ["plan"]
+    assert told in report["plan"].sentence
+
+
+def test_a_world_that_is_scored_otherwise_than_it_ended_is_found() -> None:
+    class Flattering(FakeSimulator):
+        def score(self) -> EpisodeScore:
+            return replace(super().score(), end=End.COMPLETED)
+
+    report = check_simulator(Flattering)
+    assert failed(report) == ["end", "stuck"]
+    assert "done is <End.TICK_CAP: " in report["end"].sentence
+    assert "score() has the end <End.COMPLETED: " in report["end"].sentence
+
+
 def test_a_speed_that_is_left_of_the_last_episode_is_found() -> None:
     class Rolling(FakeSimulator):
         def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
@@ -238,6 +276,38 @@ def test_infractions_that_are_left_of_the_last_episode_are_found() -> None:
     report = check_simulator(Resentful)
     assert failed(report) == ["reset"]
     assert "has another score: infractions" in report["reset"].sentence
+
+
+def test_a_world_that_draws_from_a_global_generator_is_found() -> None:
+    class Gusty(FakeSimulator):
+        def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+            np.random.seed(seed)
+            return super().reset(route, seed=seed, cameras=cameras)
+
+        def step(self, control: Control) -> WorldState:
+            return super().step(replace(control, throttle=control.throttle * np.random.random()))
+
+    report = check_simulator(Gusty)
+    assert failed(report) == ["globals"]
+    assert "what is seen in tick 1: draw from a generator of the object" in report["globals"].sentence
+
+
+def test_worlds_that_share_what_an_episode_changes_are_found() -> None:
+    class Siblings(FakeSimulator):
+        egos: ClassVar[list[EgoState]] = []
+
+        def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
+            state = super().reset(route, seed=seed, cameras=cameras)
+            self.egos[:] = [state.ego]
+            return state
+
+        def step(self, control: Control) -> WorldState:
+            self._ego = self.egos[0]
+            state = super().step(control)
+            self.egos[:] = [state.ego]
+            return state
+
+    assert failed(check_simulator(Siblings)) == ["globals"]
 
 
 @pytest.mark.parametrize(

@@ -32,6 +32,39 @@ def test_a_camera_failure_judged_on_an_agent_without_cameras_is_an_error_that_sa
     )
 
 
+WORDLESS = """
+
+@dataclass
+class Nothing(Perturbation):
+    share: float = 1.0
+    phrase = "nothing {share}"
+
+    def actuate(self, tick, control, inference_s):
+        return control
+
+    def idle_reason(self, cameras):
+        return "it does nothing"
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_perturbation(Nothing)
+"""
+
+
+def test_a_failure_that_cannot_say_why_it_changed_nothing_is_an_error_all_the_same(suite):
+    result = run(suite("RD under nothing 1 <= 0.30", conftest=WORDLESS))
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(
+        [
+            "nothing 1 changed nothing in all 3 episodes of agent 'steady', *",
+            "  nothing 1: its idle_reason raised TypeError: *",
+        ]
+    )
+    result.stdout.no_fnmatch_line("*Traceback*")
+
+
 def test_an_agent_that_ignores_what_was_changed_is_judged_and_named_as_immune(suite):
     folder = suite("RD under GPS noise 5 m <= 0.30", conftest=DEAF)
     result = run(folder, "--drive-agent", "deaf")

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+from pathlib import Path
 from typing import ClassVar
 
 import pytest
@@ -66,6 +69,44 @@ def test_what_the_class_tells_of_its_agents_the_configured_factory_tells(registr
     assert has_portable_bits(factory)
     assert factory.weights == ("some.bin",)  # type: ignore[attr-defined]
     assert not hasattr(factory, "num_gpus")
+
+
+@pytest.mark.parametrize("name", ["slow", "slow:ahead=5"])
+@pytest.mark.parametrize("says_more", [False, True])
+def test_a_partial_tells_what_its_class_tells_and_what_is_said_of_it(
+    registry: Registry, name: str, says_more: bool
+) -> None:
+    slow = functools.partial(Configurable, 2.0, mode="ctrl")
+    if says_more:
+        vars(slow).update(num_gpus=1)
+    registry.register_agent("slow", slow)
+    factory = registry.entry("agents", name).load()
+    assert has_portable_bits(factory)
+    assert factory.weights == ("some.bin",)  # type: ignore[attr-defined]
+    assert getattr(factory, "num_gpus", 0) == says_more
+    assert factory().given == (2.0, "ctrl", 5 if ":" in name else 3, False, None)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_partial_adds_the_file_that_it_is_given_to_the_weights_and_may_say_others(
+    registry: Registry, tmp_path: Path, kind: Callable[[Path], object]
+) -> None:
+    file = tmp_path / "aim.bin"
+    file.touch()
+    given = functools.partial(Configurable, aim=kind(file))
+    registry.register_agent("given", given)
+    assert registry.entry("agents", "given").load().weights == ["some.bin", kind(file)]  # type: ignore[attr-defined]
+    vars(given).update(weights=("other.bin",))
+    assert registry.entry("agents", "given").load().weights == ["other.bin", kind(file)]  # type: ignore[attr-defined]
+
+
+def test_the_check_of_a_partial_is_given_its_parameters(registry: Registry) -> None:
+    Checked.asked.clear()
+    registry.register_agent("by_place", functools.partial(Checked, 4.0))
+    registry.register_agent("by_name", functools.partial(Checked, speed=5.0, mode="ctrl"))
+    for name in ("by_place", "by_name"):
+        registry.entry("agents", name).load().check()  # type: ignore[attr-defined]
+    assert Checked.asked == [4.0, 5.0]
 
 
 def test_a_check_is_given_the_options_that_it_takes(registry: Registry) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
@@ -28,6 +29,12 @@ def broken(*_: object) -> object:
     [
         (lambda names: (), "gives no route for 'fake', expected at least one"),
         (lambda names: (fake_route("1"), fake_route("1")), "gives two routes with the id '1', expected each once"),
+        (lambda names: (replace(fake_route(), id=7),), "gives a route with the id 7, expected text"),
+        (lambda names: (replace(fake_route(), scenario=None),), "'NoneType' object has no attribute 'type'"),
+        (
+            lambda names: (replace(fake_route(), scenario=replace(fake_route().scenario, type=None)),),
+            "gives a route with the scenario of the type None, expected text",
+        ),
         (lambda names: None, "'NoneType' object is not iterable"),
         (lambda names: ["1"], "'str' object has no attribute 'id'"),
         (broken, r"raised RuntimeError: no map \(.*test_before_driving.py:\d+ in broken\), expected routes"),

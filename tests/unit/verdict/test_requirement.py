@@ -172,6 +172,7 @@ def test_a_value_on_the_limit_meets_the_requirement() -> None:
         ("SR", ">=", 0, "SR >= 0 holds for every agent"),
         ("SR", "<=", 1, "SR <= 1 holds for every agent"),
         ("DS", ">=", 101, "limit of DS is 101, expected a number in 0..100"),
+        ("DS", ">=", 100.0001, "limit of DS is 100.0001, expected a number in 0..100"),
         ("DS", ">=", 0.0, "DS >= 0 holds for every agent"),
         ("comfort", ">=", -1, "expected a number in 0..100"),
         ("efficiency", ">=", -1, "expected 0 or more"),

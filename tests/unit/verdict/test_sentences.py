@@ -340,6 +340,30 @@ def test_a_severity_in_words_is_read_back_whatever_the_words_are(maker: str) -> 
         assert requirements(str(stated), known={**BUILTIN, "lens-film": LensFilm}) == [stated]
 
 
+@dataclass
+class Late(Perturbation):
+    """A test's own failure, called as one of ours: "latency"."""
+
+    ms: float = 100.0
+    phrase = "latency {ms} ms"
+
+
+@dataclass
+class LateBySteps(Late):
+    phrase = "latency {ms} ms"
+    ladder: ClassVar = ("ms", (50.0, 100.0))
+
+
+def test_a_margin_of_two_failures_with_one_word_is_refused() -> None:
+    with pytest.raises(RequirementError, match="'latency' may be InferenceLatency and LateBySteps"):
+        requirements("latency margin >= 150 ms", known={**BUILTIN, "late": LateBySteps})
+
+
+def test_a_failure_without_steps_takes_no_margin_from_another() -> None:
+    (margin,) = requirements("latency margin >= 150 ms", known={**BUILTIN, "late": Late, "again": Late})
+    assert type(margin.setting.perturbations[0]) is InferenceLatency
+
+
 def test_margins_stand_beside_other_requirements() -> None:
     found = requirements("RD under 100 ms latency <= 0.2\nlatency margin >= 150 ms  # a comment", known=BUILTIN)
     assert [type(item) for item in found] == [Requirement, MarginRequirement]

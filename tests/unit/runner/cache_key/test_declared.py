@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from contextlib import nullcontext
 from pathlib import Path
 from typing import ClassVar
@@ -137,6 +138,22 @@ def test_a_function_may_name_more_files_than_its_agent_and_not_fewer(
     registry.register_agent("names_several", names_several)
     with nullcontext() if believed else pytest.raises(PluginError, match=r"names_several\.weights = Says\.weights"):
         make_agent(registry, "names_several")
+
+
+def test_a_partial_of_a_class_is_believed_what_the_class_says(registry: Registry) -> None:
+    registry.register_agent("partial", functools.partial(Says))
+    make_agent(registry, "partial")
+    first = agent_identity("partial", registry)
+    Path("speed.txt").write_text("1.0")
+    assert agent_identity("partial", registry) != first
+
+
+def test_a_partial_is_believed_the_file_that_it_is_given_and_no_other(registry: Registry) -> None:
+    registry.register_agent("named", functools.partial(SaysLate, "speed.txt"))
+    make_agent(registry, "named")
+    registry.register_agent("late", functools.partial(SaysLate))
+    with pytest.raises(PluginError, match="in the body of the class SaysLate, not in __init__"):
+        make_agent(registry, "late")
 
 
 def test_what_is_set_in_a_constructor_belongs_in_the_class(registry: Registry) -> None:
