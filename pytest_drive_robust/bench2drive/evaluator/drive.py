@@ -16,7 +16,7 @@ from pytest_drive_robust.bench2drive.evaluator.attempt import STOPPED, Attempt, 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.code_around import code_around
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version
-from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
+from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, held_ports
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
@@ -193,17 +193,19 @@ def _once(
     for folder in (work, log.parent, run_folder.results, run_folder.injected(route).parent):
         folder.mkdir(parents=True, exist_ok=True)
     log.unlink(missing_ok=True)
-    return attempt(
-        _command(setup, route, work, slot),
-        environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
-        folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
-        log=log,
-        patience=setup.patience,
-        stop=stop,
-    )
+    first = setup.port + slot * PORTS_PER_SLOT
+    with held_ports(first) as port, held_ports(first + TRAFFIC_OFFSET) as traffic_port:
+        return attempt(
+            _command(setup, route, work, port=port, traffic_port=traffic_port),
+            environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
+            folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
+            log=log,
+            patience=setup.patience,
+            stop=stop,
+        )
 
 
-def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[str]:
+def _command(setup: EvaluatorSetup, route: str, work: Path, *, port: int, traffic_port: int) -> list[str]:
     return [
         setup.checkout.python,
         str(_INJECT),
@@ -218,8 +220,8 @@ def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[s
         f"--agent-config={setup.config}",
         "--debug=0",
         "--record=",
-        f"--port={free_ports(setup.port + slot * PORTS_PER_SLOT)}",
-        f"--traffic-manager-port={free_ports(setup.port + TRAFFIC_OFFSET + slot * PORTS_PER_SLOT)}",
+        f"--port={port}",
+        f"--traffic-manager-port={traffic_port}",
         f"--traffic-manager-seed={setup.seed}",
         f"--gpu-rank={setup.gpu}",
     ]
