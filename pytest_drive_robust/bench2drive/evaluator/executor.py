@@ -57,8 +57,20 @@ def read_agent(name: str, root: Path) -> tuple[Path, str]:
 
 
 def _absolute(part: str) -> str:
+    """Return the absolute path where there is one, links in it left as they are.
+
+    Raises `UsageError` for one that agents would take apart.
+    """
     path = Path(part).expanduser()
-    return str(path.resolve()) if part and path.exists() else part
+    if not part or not path.exists():
+        return part
+    absolute = os.path.abspath(path)
+    if "+" in absolute:
+        raise UsageError(
+            f"the configuration {part!r} of the agent is {absolute!r}, which official agents take apart at each '+'. "
+            "Move it to a folder without one."
+        )
+    return absolute
 
 
 class Bench2DriveExecutor(Executor):

@@ -192,6 +192,24 @@ def test_the_agent_and_its_checkpoint_may_be_in_the_home_folder(
     assert json.loads(log.read_text())["env"]["TEAM_CONFIG"] == str(tmp_path / "best.pth")
 
 
+def test_a_checkpoint_whose_path_agents_would_take_apart_is_refused_and_a_link_to_it_is_not(
+    official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights = tmp_path / "lr3+long" / "best.pth"
+    weights.parent.mkdir()
+    weights.write_text("")
+    monkeypatch.chdir(weights.parent)
+    code, told = official_run("best.pth")
+    assert code == 4
+    assert f"'best.pth' of the agent is '{weights}', which official agents take apart at each '+'" in told
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "best.pth").symlink_to(weights)
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101"
+    assert official_run("best.pth", "--routes", route)[0] == 0
+    (log,) = tmp_path.glob("out/*/results/drive-101.json")
+    assert json.loads(log.read_text())["env"]["TEAM_CONFIG"] == str(tmp_path / "best.pth")
+
+
 def test_a_run_in_which_the_agent_always_breaks_is_no_success(official_run: Callable[..., Any]) -> None:
     file = "status:Failed - Agent couldn't be set up"
     code, told = official_run(file)
