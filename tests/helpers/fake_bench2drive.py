@@ -80,6 +80,9 @@ with open(os.path.join(os.environ["SAVE_PATH"], "drive-%s.json" % args.routes_su
 
 status = {"ok": "Completed", "status": detail, "crash": "Failed - Simulation crashed", "lost": "Failed - Agent crashed"}
 status = status.get(mode, "Completed")
+if mode == "full":
+    status = "Failed - Agent crashed"
+    print("Stopping the route, the agent has crashed:\\nOSError: [Errno 28] No space left on device: 'bev/0007.png'")
 if mode == "lost":
     print("RuntimeError: time-out of 300000ms while waiting for the simulator, make sure the simulator is ready")
 share = 100 if status in ("Completed", "Perfect") else 40
