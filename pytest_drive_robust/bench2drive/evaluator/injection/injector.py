@@ -65,7 +65,7 @@ class Injector:
                 self._given = self._perturbed(raw)
             except Exception as error:
                 raise self.trouble(f"the injection failed: {error!r}") from error
-            self._injected_ticks += self.plan.observes
+            self._injected_ticks += self.plan.observes and not self._only_looks
             self._reading_s += time.perf_counter() - asked_s
         assert self._given is not None
         return dict(self._given)
@@ -81,9 +81,10 @@ class Injector:
                 control = call()
                 inference_s = max(0.0, time.perf_counter() - asked_s - self._reading_s)
             else:
+                self._only_looks = True
                 look()
         finally:
-            self._in_call = False
+            self._in_call = self._only_looks = False
         return self._due(control, inference_s) if self.plan.is_late else control
 
     def _begin_fresh(self, route: str, repetition: int) -> None:
@@ -96,7 +97,7 @@ class Injector:
         self._frame = None
         self._given = None
         self._reading_s = 0.0
-        self._in_call = False
+        self._in_call = self._only_looks = False
         self._seen: Any = None
         self._begun = True
 

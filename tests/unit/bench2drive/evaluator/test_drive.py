@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -81,8 +82,10 @@ def test_a_score_without_a_sign_that_anything_failed_is_no_result(
 
 def test_an_agent_that_the_failures_do_not_reach_is_refused(official_executor: Callable[..., Any]) -> None:
     made, task = official_executor(tries=2)
-    with pytest.raises(UsageError, match=r"drove 30 ticks and read no sensors.*'GPS noise 5 m' did not reach it"):
-        made.submit(task("looks-elsewhere", Setting.parse("GPS noise 5 m"))).result(PATIENCE_S)
+    for setting in ("GPS noise 5 m", "GPS noise 5 m and 200 ms latency (reading=released)"):
+        told = rf"drove 30 ticks and read no sensors.*'{re.escape(setting)}' did not reach it"
+        with pytest.raises(UsageError, match=told):
+            made.submit(task("looks-elsewhere", Setting.parse(setting))).result(PATIENCE_S)
     late = made.submit(task("looks-elsewhere", Setting.parse("100 ms latency"))).result(PATIENCE_S)
     assert late.outcome is Outcome.COMPLETED  # its commands are late all the same
 
