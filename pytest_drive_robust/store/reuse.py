@@ -5,7 +5,7 @@ from __future__ import annotations
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 
-_RAN_OUT = ("MemoryError", "out of memory", "No space left on device")
+RAN_OUT = ("MemoryError", "out of memory", "No space left on device")
 """In the words of Python, torch, CUDA and the system."""
 
 
@@ -20,7 +20,7 @@ def is_reusable(result: EpisodeResult) -> bool:
 
 def ran_out(result: EpisodeResult) -> bool:
     """Tell whether the agent raised for lack of what another run may have more of."""
-    return result.end is End.AGENT_CRASHED and any(words in result.end_detail for words in _RAN_OUT)
+    return result.end is End.AGENT_CRASHED and any(words in result.end_detail for words in RAN_OUT)
 
 
 def ends_reusable(outcome: Outcome, end: End) -> bool:

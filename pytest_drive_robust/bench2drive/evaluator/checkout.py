@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -50,6 +51,9 @@ class Checkout:
             )
         if not (given / SERVER).is_file():
             raise UsageError(f"{str(given)!r} is no CARLA: there is no {SERVER}. Bench2Drive needs CARLA 0.9.15.")
+        told = shell_trouble(given)
+        if told:
+            raise UsageError(f"{told}. Move CARLA to a folder without that.")
         return cls(root.resolve(), given.resolve(), _absolute(python) if python else sys.executable)
 
     @property
@@ -119,6 +123,13 @@ class Checkout:
             "PYTHONPATH": os.pathsep.join([*([before] if before else []), *map(str, paths)]),
             "PYTHONUNBUFFERED": "1",
         }
+
+
+def shell_trouble(carla_root: Path) -> str:
+    """Return why the evaluator cannot start the server there, in a clause: it gives the path to a shell, unquoted."""
+    folder = str(carla_root.resolve())
+    found = re.search(r"[^\w@%+=:,./-]", folder)
+    return f"the evaluator starts CARLA by a shell, which breaks {folder!r} at {found[0]!r}" if found else ""
 
 
 def named_carla() -> Path | None:

@@ -12,7 +12,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.evaluator.checkout import EVALUATOR, NO_GETCHILDREN, SERVER, Checkout, named_carla
+from pytest_drive_robust.bench2drive.evaluator.checkout import (
+    EVALUATOR,
+    NO_GETCHILDREN,
+    SERVER,
+    Checkout,
+    named_carla,
+    shell_trouble,
+)
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
 from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, TRAFFIC_OFFSET, check_ports
 from pytest_drive_robust.errors import UsageError
@@ -119,6 +126,10 @@ def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
         return
     if not os.access(script, os.X_OK):
         yield DoctorCheck("server", False, f"{script} cannot be executed", f"chmod +x {script}")
+        return
+    told = shell_trouble(carla_root)
+    if told:
+        yield DoctorCheck("server", False, told, "Move CARLA to a folder without that.")
         return
     version = carla_version(carla_root)
     right = not version or version.startswith(_CARLA)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import threading
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from pytest_drive_robust.bench2drive.evaluator.attempt import STOPPED, Attempt, 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.code_around import code_around
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version
-from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, free_ports
+from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, held_ports
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.motion_log import TICK_S
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
@@ -25,6 +26,7 @@ from pytest_drive_robust.bench2drive.results.safe_json import shown
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import BUILTIN, Setting
+from pytest_drive_robust.store.reuse import RAN_OUT
 
 _INJECT = Path(__file__).with_name("inject.py")
 _INJECTED_LOG = "injected.jsonl"
@@ -33,6 +35,11 @@ _REFUSED = 78
 _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
 """Out of the message of every call of CARLA's client that has no server any more."""
+_RAN_OUT = re.compile(
+    rf"(?:could not set up the required agent|the agent has crashed):.*?({'|'.join(RAN_OUT)})",
+    re.IGNORECASE | re.DOTALL,
+)
+"""In what the evaluator says of the exception of an agent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,8 +139,9 @@ def _drive(
         log = run_folder.log(route, number)
         record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)
         injected = _injected(run_folder.work(route) / _INJECTED_LOG)
-        if record is not None and _is_innocent(record, ended, log):
-            trouble, record = f"{record.status}, after the CARLA server was lost", None
+        excuse = "" if record is None else _excuse(record, ended, log)
+        if record is not None and excuse:
+            trouble, record = f"{record.status}, {excuse}", None
         if record is not None and not _was_injected(setup.setting, record, injected):
             _refuse_unreached(setup.setting, injected)
             trouble, record = f"{record.status}, but nothing tells that {str(setup.setting)!r} was injected", None
@@ -193,17 +201,19 @@ def _once(
     for folder in (work, log.parent, run_folder.results, run_folder.injected(route).parent):
         folder.mkdir(parents=True, exist_ok=True)
     log.unlink(missing_ok=True)
-    return attempt(
-        _command(setup, route, work, slot),
-        environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
-        folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
-        log=log,
-        patience=setup.patience,
-        stop=stop,
-    )
+    first = setup.port + slot * PORTS_PER_SLOT
+    with held_ports(first) as port, held_ports(first + TRAFFIC_OFFSET) as traffic_port:
+        return attempt(
+            _command(setup, route, work, port=port, traffic_port=traffic_port),
+            environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
+            folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
+            log=log,
+            patience=setup.patience,
+            stop=stop,
+        )
 
 
-def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[str]:
+def _command(setup: EvaluatorSetup, route: str, work: Path, *, port: int, traffic_port: int) -> list[str]:
     return [
         setup.checkout.python,
         str(_INJECT),
@@ -218,8 +228,8 @@ def _command(setup: EvaluatorSetup, route: str, work: Path, slot: int) -> list[s
         f"--agent-config={setup.config}",
         "--debug=0",
         "--record=",
-        f"--port={free_ports(setup.port + slot * PORTS_PER_SLOT)}",
-        f"--traffic-manager-port={free_ports(setup.port + TRAFFIC_OFFSET + slot * PORTS_PER_SLOT)}",
+        f"--port={port}",
+        f"--traffic-manager-port={traffic_port}",
         f"--traffic-manager-seed={setup.seed}",
         f"--gpu-rank={setup.gpu}",
     ]
@@ -273,11 +283,18 @@ def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | N
     return record, ""
 
 
-def _is_innocent(record: OfficialRecord, ended: Attempt, log: Path) -> bool:
-    """Return True when the agent crashed because it asked a dead server: that says nothing about the agent."""
+def _excuse(record: OfficialRecord, ended: Attempt, log: Path) -> str:
+    """Return why an end as an error of the agent says nothing about the agent; empty where it does.
+
+    It asked a dead server, or raised because the machine had no more memory or room, as another one may.
+    """
     if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
-        return False
-    return bool(ended.trouble) or _SERVER_LOST in log.read_text(encoding="utf-8", errors="replace")
+        return ""
+    told = log.read_text(encoding="utf-8", errors="replace")
+    found = _RAN_OUT.search(told)
+    if found:
+        return f"for want of memory or room on a disk ({found[1]})"
+    return "after the CARLA server was lost" if ended.trouble or _SERVER_LOST in told else ""
 
 
 def _keep(run_folder: RunFolder, route: str) -> None:

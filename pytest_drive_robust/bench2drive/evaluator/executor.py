@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
@@ -24,7 +25,7 @@ from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, check_
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection
+from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -56,8 +57,20 @@ def read_agent(name: str, root: Path) -> tuple[Path, str]:
 
 
 def _absolute(part: str) -> str:
+    """Return the absolute path where there is one, links in it left as they are.
+
+    Raises `UsageError` for one that agents would take apart.
+    """
     path = Path(part).expanduser()
-    return str(path.resolve()) if part and path.exists() else part
+    if not part or not path.exists():
+        return part
+    absolute = os.path.abspath(path)
+    if "+" in absolute:
+        raise UsageError(
+            f"the configuration {part!r} of the agent is {absolute!r}, which official agents take apart at each '+'. "
+            "Move it to a folder without one."
+        )
+    return absolute
 
 
 class Bench2DriveExecutor(Executor):
@@ -231,4 +244,13 @@ def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunF
         scenario=result.scenario or request.route.scenario.type,
         schedule=tuple(Injection(*line) for line in schedule) if isinstance(schedule, list) else (),
         inference_s=tuple(map(float, inference_s)) if isinstance(inference_s, list) else (),
+        reception=_reception(driven.injected.get("reception")),
     )
+
+
+def _reception(told: Any) -> Reception | None:
+    """Return what the injection noted, None where nothing tells."""
+    if told is None:
+        return None
+    touched = tuple(Touch(**touch) for touch in told["touched"])
+    return Reception(tuple(told["cameras"]), tuple(told["consumes"]), told["observations"], touched)

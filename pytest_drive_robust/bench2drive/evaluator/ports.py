@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from pytest_drive_robust.errors import UsageError
 
@@ -11,6 +13,7 @@ TRAFFIC_OFFSET = 6000
 """How much higher the ports of traffic managers are."""
 PORTS_PER_SLOT = 150
 _LAST_PORT = 65535
+_HOST = "localhost"
 
 
 def check_ports(port: int, *, slots: int = 1) -> None:
@@ -23,14 +26,22 @@ def check_ports(port: int, *, slots: int = 1) -> None:
         )
 
 
-def free_ports(first: int) -> int:
-    """Return the first of three free ports in a row, which CARLA takes; the evaluator itself looks at one."""
-    for port in range(first, first + PORTS_PER_SLOT - 3, 3):
-        with socket.socket() as one, socket.socket() as two, socket.socket() as three:
+@contextmanager
+def held_ports(first: int) -> Iterator[int]:
+    """Give the first of three free ports in a row, which CARLA takes; the evaluator itself looks at one.
+
+    A server listens only after many seconds. Until we are done the next port, the fourth, is bound by us: for whoever
+    looks for ports like this, on this machine, the three are taken.
+    """
+    for port in range(first, first + PORTS_PER_SLOT - 3, 4):
+        with socket.socket() as held:
             try:
-                for number, server in enumerate((one, two, three)):
-                    server.bind(("localhost", port + number))
+                held.bind((_HOST, port + 3))
+                for number in range(port, port + 3):
+                    with socket.socket() as server:
+                        server.bind((_HOST, number))
             except OSError:
                 continue
-            return port
-    raise UsageError(f"no three free ports in a row from {first} on. `drive-robust doctor` says who holds them.")
+            yield port
+            return
+    raise UsageError(f"no four free ports in a row from {first} on. `drive-robust doctor` says who holds them.")

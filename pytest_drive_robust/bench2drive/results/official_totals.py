@@ -12,7 +12,7 @@ DS, SR       sum over records / 220                                 mean over th
 efficiency   values above 1000 % dropped, routes without one left   kept, and 0 for a route without one
              out, mean over records                                 mean over routes
 comfort      see `metrics.comfort`                                  see `metrics.comfort`
-abilities    the first record of a route counts                     its records are averaged
+abilities    of a route the last repetition counts                  its records are averaged
              an ability without a route divides by zero             left out of the mean
 ============ ====================================================== =============================================
 
@@ -188,11 +188,12 @@ def _ability_rates(
 ) -> dict[str, AbilityRate]:
     """Count the successes of each ability.
 
-    `scenarios`: only these routes, of these types. `official`: of a route the first record counts.
+    `scenarios`: only these routes, of these types. `official`: of a route the first record counts that the official
+    ability tool finds; the merge tool orders them by their ids as text, the last repetition first.
     `junctions`: the share of each route after which its first junction is passed, where it is known.
     """
     by_route: dict[str, list[OfficialRecord]] = {}
-    for record in records:
+    for record in sorted(records, key=lambda record: record.route_id, reverse=True) if official else records:
         found = by_route.setdefault(ability_route(record, official=official), [])
         if not (official and found):
             found.append(record)

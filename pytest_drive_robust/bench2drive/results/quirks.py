@@ -103,7 +103,7 @@ def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
     if extra:
         yield (
             f"DS, SR, efficiency, comfort: {extra} records of routes that are there already count as routes of their "
-            "own; abilities take the first record"
+            "own; abilities take the last repetition"
         )
     if score.unscored:
         yield (

@@ -14,6 +14,7 @@ from pytest_drive_robust.bench2drive.evaluator.injection.payloads import SensedT
 from pytest_drive_robust.bench2drive.evaluator.injection.plan import InjectionPlan
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.perturbations import RunningStack
+from pytest_drive_robust.runner.episode.witness import Witness
 
 __all__ = ["Injector"]
 
@@ -64,7 +65,7 @@ class Injector:
                 self._given = self._perturbed(raw)
             except Exception as error:
                 raise self.trouble(f"the injection failed: {error!r}") from error
-            self._injected_ticks += self.plan.observes
+            self._injected_ticks += self.plan.observes and not self._only_looks
             self._reading_s += time.perf_counter() - asked_s
         assert self._given is not None
         return dict(self._given)
@@ -80,21 +81,23 @@ class Injector:
                 control = call()
                 inference_s = max(0.0, time.perf_counter() - asked_s - self._reading_s)
             else:
+                self._only_looks = True
                 look()
         finally:
-            self._in_call = False
+            self._in_call = self._only_looks = False
         return self._due(control, inference_s) if self.plan.is_late else control
 
     def _begin_fresh(self, route: str, repetition: int) -> None:
         self._route, self._repetition = route, repetition
         self._running: RunningStack | None = None
         self._past: dict[int, SensedTick] = {}
+        self._witness: Witness | None = None
         self._tick = -1
         self._injected_ticks = 0
         self._frame = None
         self._given = None
         self._reading_s = 0.0
-        self._in_call = False
+        self._in_call = self._only_looks = False
         self._seen: Any = None
         self._begun = True
 
@@ -111,7 +114,11 @@ class Injector:
         sensed = SensedTick.read(self._tick, {tag: payload for tag, (_, payload) in raw.items()})
         # images are kept by who delays them
         self._past[self._tick] = SensedTick({}, sensed.ego, dataclasses.replace(sensed.observation, cameras={}))
-        found = sensed.written(self._stack().observe(sensed.observation), self._past)
+        given = self._stack().observe(sensed.observation)
+        if self._witness is None:
+            self._witness = Witness(tuple(sensed.cameras), sensed.consumes)
+        self._witness.seen(sensed.observation, given)
+        found = sensed.written(given, self._past)
         return {tag: (item[0], found.get(tag, item[1])) for tag, item in raw.items()}
 
     def _due(self, control: Any, inference_s: float) -> Any:
@@ -144,4 +151,13 @@ class Injector:
             "injected_ticks": self._injected_ticks,
             "schedule": [list(dataclasses.astuple(stretch)) for stretch in stack.schedule()],
             "inference_s": list(stack.inference_s),
+            "reception": self._reception(),
         }
+
+    def _reception(self) -> dict[str, Any] | None:
+        """Return what the agent was given otherwise than sensed; None where a late command is a failure, too."""
+        if self._witness is None or self.plan.is_late:
+            return None
+        told = dataclasses.asdict(self._witness.reception())
+        there = {*told["cameras"], *told["consumes"]}
+        return {**told, "touched": [touch for touch in told["touched"] if touch["signal"] in there]}

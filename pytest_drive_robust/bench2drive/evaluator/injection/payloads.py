@@ -21,6 +21,8 @@ from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Ima
 __all__ = ["SensedTick", "cameras_of", "kind_of"]
 
 DEBUG_CAMERAS = ("bev",)
+_SIGNALS = {"gps": ("gps",), "imu": ("imu", "compass"), "speed": ("speed",)}
+"""Which signals of ours a payload of a kind holds."""
 
 
 def cameras_of(sensors: Iterable[Mapping[str, Any]]) -> list[CameraSpec]:
@@ -72,6 +74,12 @@ class SensedTick(NamedTuple):
             cameras={tag: Image(pixels[:, :, :3], tick) for tag, pixels in cameras.items()},
         )
         return cls(cameras, ego, observation)
+
+    @property
+    def consumes(self) -> tuple[str, ...]:
+        """Name the signals that are there, as agents of the package do: what is not there is 0 in the observation."""
+        ego = (signal for payload in self.ego.values() for signal in _SIGNALS[kind_of(payload)])
+        return (*(("cameras",) if self.cameras else ()), *ego)
 
     def written(self, given: Observation, past: Mapping[int, SensedTick]) -> dict[str, Any]:
         """Return the payloads that are not those of this tick; `past` are earlier ticks, and this one."""

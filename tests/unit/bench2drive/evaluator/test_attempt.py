@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,6 +35,7 @@ def test_what_the_harness_does_wrong_is_tried_again_and_never_scored(
         "crash": "Failed - Simulation crashed",
         "lost": "after the CARLA server was lost",
         "half": "exit code 255",
+        "full": "Failed - Agent crashed, for want of memory or room on a disk (No space left on device)",
     }
     futures = {mode: made.submit(task(mode)) for mode in reasons}
     for mode, future in futures.items():
@@ -83,6 +85,19 @@ def test_closing_kills_what_is_under_way(
     assert left_behind(process_mark) == []
     assert [future.cancelled() or type(future.exception()) is Stopped for future in futures] == [True] * 3
     made.close()
+
+
+def test_servers_of_two_commands_have_ports_of_their_own_before_they_listen(
+    official_executor: Callable[..., Any], tmp_path: Path, process_mark: str
+) -> None:
+    for route in (0, 1):
+        made, task = official_executor()
+        made.submit(task("hang", route=route))
+    _wait_for(lambda: sum("server" in log.read_text() for log in tmp_path.glob("runs/*/logs/*.log")) == 2)
+    for flag in ("-carla-rpc-port", "--traffic-manager-port"):
+        ports = {int(number) for line in left_behind(process_mark) for number in re.findall(rf"{flag}=(\d+)", line)}
+        assert len(ports) == 2
+        assert max(ports) - min(ports) >= 3  # CARLA takes the next two as well
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])

@@ -10,6 +10,7 @@ import pytest
 from fake_bench2drive import make
 
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
+from pytest_drive_robust.bench2drive.evaluator.doctor import examine
 from pytest_drive_robust.errors import UsageError
 
 EGGS = ("carla-0.9.15-py2.7-linux-x86_64.egg", "carla-0.9.15-py3.7-linux-x86_64.egg")
@@ -30,6 +31,18 @@ def test_without_a_carla_the_advice_can_be_followed_in_pytest(tmp_path: Path, mo
     monkeypatch.delenv("CARLA_ROOT", raising=False)
     with pytest.raises(UsageError, match=r"Set CARLA_ROOT to the folder.*; without pytest, --carla-root gives it"):
         Checkout.find(make(tmp_path)[0])
+
+
+@pytest.mark.parametrize("name", ["my games", "carla (0.9.15)", "it's"])
+def test_a_carla_that_the_evaluators_shell_would_not_find_is_refused(tmp_path: Path, name: str) -> None:
+    root, carla, _ = make(tmp_path)
+    carla = carla.rename(tmp_path / name)
+    told = "the evaluator starts CARLA by a shell, which breaks"
+    with pytest.raises(UsageError, match=f"{told}.*Move CARLA"):
+        Checkout.find(root, carla_root=carla)
+    (server,) = (check for check in examine(root, carla_root=carla) if check.name == "server")
+    assert server.ok is False
+    assert told in server.found
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -81,8 +82,10 @@ def test_a_score_without_a_sign_that_anything_failed_is_no_result(
 
 def test_an_agent_that_the_failures_do_not_reach_is_refused(official_executor: Callable[..., Any]) -> None:
     made, task = official_executor(tries=2)
-    with pytest.raises(UsageError, match=r"drove 30 ticks and read no sensors.*'GPS noise 5 m' did not reach it"):
-        made.submit(task("looks-elsewhere", Setting.parse("GPS noise 5 m"))).result(PATIENCE_S)
+    for setting in ("GPS noise 5 m", "GPS noise 5 m and 200 ms latency (reading=released)"):
+        told = rf"drove 30 ticks and read no sensors.*'{re.escape(setting)}' did not reach it"
+        with pytest.raises(UsageError, match=told):
+            made.submit(task("looks-elsewhere", Setting.parse(setting))).result(PATIENCE_S)
     late = made.submit(task("looks-elsewhere", Setting.parse("100 ms latency"))).result(PATIENCE_S)
     assert late.outcome is Outcome.COMPLETED  # its commands are late all the same
 
@@ -189,6 +192,24 @@ def test_the_agent_and_its_checkpoint_may_be_in_the_home_folder(
     result = made.submit(EpisodeRequest(episode, wanted.route, Setting.CLEAN)).result(PATIENCE_S)
     assert result.outcome is Outcome.COMPLETED
     (log,) = tmp_path.glob("runs/*/results/drive-101.json")
+    assert json.loads(log.read_text())["env"]["TEAM_CONFIG"] == str(tmp_path / "best.pth")
+
+
+def test_a_checkpoint_whose_path_agents_would_take_apart_is_refused_and_a_link_to_it_is_not(
+    official_run: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weights = tmp_path / "lr3+long" / "best.pth"
+    weights.parent.mkdir()
+    weights.write_text("")
+    monkeypatch.chdir(weights.parent)
+    code, told = official_run("best.pth")
+    assert code == 4
+    assert f"'best.pth' of the agent is '{weights}', which official agents take apart at each '+'" in told
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "best.pth").symlink_to(weights)
+    route = f"{tmp_path}/b2d/leaderboard/data/bench2drive220.xml:101"
+    assert official_run("best.pth", "--routes", route)[0] == 0
+    (log,) = tmp_path.glob("out/*/results/drive-101.json")
     assert json.loads(log.read_text())["env"]["TEAM_CONFIG"] == str(tmp_path / "best.pth")
 
 

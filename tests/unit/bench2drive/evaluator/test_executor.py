@@ -16,12 +16,13 @@ from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.backends import external_options
 
-SUITE = """
+REQUIREMENTS = "DS under 200 ms latency >= 10\\nRD under 200 ms latency <= 0.50"
+SUITE = f"""
 import pytest
 from pytest_drive_robust import requirements
 
 
-@pytest.mark.parametrize("requirement", requirements("DS under 200 ms latency >= 10\\nRD under 200 ms latency <= 0.50"))
+@pytest.mark.parametrize("requirement", requirements("{REQUIREMENTS}"))
 def test_requirement(drive, requirement):
     drive.check(requirement)
 """
@@ -62,6 +63,26 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
     assert "Every verdict is in: nothing would be driven." in run(tmp_path / "suite", *chosen, "--drive-plan").stdout
     assert run(tmp_path / "suite", *chosen, "--drive-fresh").returncode == 0
     assert not {path for path in times if os.stat(path).st_mtime_ns == times[path]}  # everything was
+
+
+def test_a_failure_of_what_the_agent_does_not_have_is_no_pass(
+    tmp_path: Path, process_mark: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    root, carla, agent = make(tmp_path)
+    monkeypatch.setenv("CARLA_ROOT", str(carla))
+    judged = (
+        "RD under occlusion 0.5 <= 0.30",
+        "RD under GPS noise 5 m <= 0.30",
+        "DS under occlusion 0.5 and 100 ms latency >= 10",
+    )
+    (tmp_path / "test_suite.py").write_text(SUITE.replace(REQUIREMENTS, "\\n".join(judged)))
+    chosen = ("--drive-sim=bench2drive", f"--drive-b2d-root={root}", "--drive-routes=101", "--drive-verdict=point")
+    ended = run(tmp_path, *chosen, f"--drive-agent=leaderboard:{agent}+no-camera")
+    assert "2 passed, 1 error" in ended.stdout, ended.stdout + ended.stderr
+    told = " ".join(ended.stdout.split())
+    assert "occlusion 0.5 changed nothing in the only episode of agent" in told
+    assert "the agent has no camera; of its sensors it declares to use gps, speed." in told
+    assert run(tmp_path, *chosen, f"--drive-agent=leaderboard:{agent}+ok").returncode == 0
 
 
 def test_the_time_of_an_episode_is_limited(tmp_path: Path, process_mark: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -300,6 +300,19 @@ def test_the_module_and_all_that_it_imports_are_python_3_7_with_numpy_alone() ->
         assert not [feature for feature in unexpected if feature.strip()]
 
 
+def test_what_pythons_before_3_9_cannot_subscript_is_not_subscripted() -> None:
+    code = (
+        "import numpy, runpy, sys, types; sys.version_info = (3, 8); runpy.run_path(sys.argv[1]); "
+        "modules = [module for name, module in sys.modules.items() if name.startswith('pytest_drive_robust')]; "
+        "print(len(modules), [name for module in modules for name, value in vars(module).items() "
+        "if isinstance(value, types.GenericAlias)])"
+    )
+    told = subprocess.run([sys.executable, "-c", code, inject.__file__], check=True, capture_output=True, text=True)
+    count, _, made = told.stdout.partition(" ")
+    assert int(count) > 20
+    assert made.strip() == "[]"
+
+
 _EXPECTED = (
     "dataclasses.dataclass(slots)", "typing.Literal", "typing.Protocol",  # inject gives them to older ones
     "literal variable annotations",

@@ -195,6 +195,18 @@ def test_traffic_signs_is_a_range_where_only_a_map_could_tell(
     assert "only the map" in noted(told, "Traffic_Signs")
 
 
+def test_the_repetition_that_the_merge_tool_puts_first_counts_in_abilities(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first = record(repetition=0, status="Failed - TickRuntime", completion=40.0)
+    second = record(repetition=1)
+    write(tmp_path / "parts" / "a.json", document(first, second))
+    merged = {"_checkpoint": {"records": sorted([first, second], key=lambda item: item["route_id"], reverse=True)}}
+    for path in (tmp_path / "parts", write(tmp_path / "merged.json", merged)):
+        assert scored(path, capsys)["abilities"]["Overtaking"]["value"] == 1.0
+        assert scored(path, capsys, "--metrics", "fixed")["abilities"]["Overtaking"]["value"] == 0.5
+
+
 def test_the_table_shows_footnotes_beside_the_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / "r.json", document(record("1\x1b[31m", red_light=1)))
     assert main(["score", str(path)]) == 0
