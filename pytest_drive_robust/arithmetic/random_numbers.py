@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Tuple, TypeVar  # noqa: UP035 - the official evaluator's Python 3.7 imports this file
 
 from pytest_drive_robust.arithmetic.scalars import cos_sin, log
 
@@ -25,7 +25,7 @@ Item = TypeVar("Item")
 _UNIT = 2.0**-53
 _HALF_WORD = 0xFFFFFFFF
 
-Range = tuple[float, float]
+Range = Tuple[float, float]  # noqa: UP006
 """The least and the greatest of what is drawn."""
 
 

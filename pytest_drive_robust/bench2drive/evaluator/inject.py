@@ -42,23 +42,17 @@ import sys
 import typing
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from typing import Any
 
-_FOLDER = Path(__file__).resolve().parents[2]
-_PACKAGE = _FOLDER.name
 REFUSED = 78
 """Exit code when the setting cannot be used: the configuration error of sysexits.h."""
 
 
 @contextmanager
 def _like_later_pythons() -> Iterator[None]:
-    """Let our modules be imported.
-
-    What older versions lack is memory of dataclasses, names for type checkers, and `tuple[float, float]` for a type.
-    """
-    own, execute = (vars(typing).copy(), dataclasses.dataclass), SourceFileLoader.exec_module
+    """Let our modules be imported: what older versions lack is memory of dataclasses and names for type checkers."""
+    own = vars(typing).copy(), dataclasses.dataclass
 
     def dataclass(cls: Any = None, *, slots: bool = False, **options: Any) -> Any:
         return own[1](cls, **options) if cls is not None else own[1](**options)
@@ -67,18 +61,6 @@ def _like_later_pythons() -> Iterator[None]:
         def __class_getitem__(cls, item: Any) -> Any:
             return cls
 
-    class Tuple(Annotation):
-        def __new__(cls, *items: Any) -> Any:
-            return tuple(*items)
-
-    def execute_ours(loader: Any, module: Any) -> None:
-        if module.__name__.startswith(_PACKAGE):
-            module.tuple = Tuple
-        execute(loader, module)
-        vars(module).pop("tuple", None)
-
-    if sys.version_info < (3, 9):  # noqa: UP036
-        SourceFileLoader.exec_module = execute_ours  # type: ignore[method-assign]
     if sys.version_info < (3, 10):  # noqa: UP036 - this file runs in older ones
         dataclasses.dataclass = dataclass
         for name in {"Literal", "Protocol"} - set(own[0]):
@@ -87,21 +69,22 @@ def _like_later_pythons() -> Iterator[None]:
         yield
     finally:
         dataclasses.dataclass = own[1]
-        SourceFileLoader.exec_module = execute  # type: ignore[method-assign]
         for name in set(vars(typing)) - set(own[0]):
             delattr(typing, name)
 
 
 def _import_ours(*names: str) -> Any:
     """Return modules of `injection`, of the package that this file lies in, whatever else is installed."""
-    if _PACKAGE not in sys.modules:
+    folder = Path(__file__).resolve().parents[2]
+    package = folder.name
+    if package not in sys.modules:
         found: Any = importlib.util.spec_from_file_location(
-            _PACKAGE, str(_FOLDER / "__init__.py"), submodule_search_locations=[str(_FOLDER)]
+            package, str(folder / "__init__.py"), submodule_search_locations=[str(folder)]
         )
-        sys.modules[_PACKAGE] = importlib.util.module_from_spec(found)
-        found.loader.exec_module(sys.modules[_PACKAGE])
+        sys.modules[package] = importlib.util.module_from_spec(found)
+        found.loader.exec_module(sys.modules[package])
     with _like_later_pythons():
-        return [importlib.import_module(f"{_PACKAGE}.bench2drive.evaluator.injection.{name}") for name in names]
+        return [importlib.import_module(f"{package}.bench2drive.evaluator.injection.{name}") for name in names]
 
 
 plan, seams = _import_ours("plan", "seams")
