@@ -34,6 +34,19 @@ def test_rerun_reads_both_episodes_and_the_road(project, tmp_path):
     assert rows["/road"] == 2
 
 
+def test_a_disk_that_is_full_is_said_and_leaves_no_half_of_a_file(project, tmp_path, capsys):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install -e '.[rrd]'")
+    resource = pytest.importorskip("resource", reason="only POSIX bounds what a process may write")
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, usual[1]))
+    try:
+        assert main(["export", "one", str(tmp_path), "--format", "rrd", "--setting", "GPS noise 15 m"]) == 4
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert f"cannot write to '{tmp_path}': File too large." in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_it_needs_is_named(project, tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "rerun", None)
     assert main(["export", "one", str(tmp_path), "--format", "rrd"]) == 4
