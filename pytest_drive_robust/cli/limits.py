@@ -14,7 +14,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, kept_requirements, propose_limits
 from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.report.numbers import counted
-from pytest_drive_robust.store.whole_file import refusing_unwritable
+from pytest_drive_robust.store.whole_file import refusing_unwritable, write_whole
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
 it as a verdict from evidence needs on so many routes. Requirements for which no limit is proposed, as those on metrics
@@ -57,7 +57,7 @@ def _limits(options: argparse.Namespace) -> int:
         f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"
     )
     with refusing_unwritable(path):
-        path.write_text(head + "".join([*map(_line, found), *map(_kept_line, kept)]), encoding="utf-8")
+        write_whole(path, head + "".join([*map(_line, found), *map(_kept_line, kept)]))
     also = f" and {len(kept)} more of the run's requirements, as they were" if kept else ""
     say(f"{path}: {len(found)} limits{also}. Review them, then commit the file.")
     fewest = min(item.routes for item in found)
