@@ -19,9 +19,11 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.pages.folder import write_pages
@@ -219,6 +221,27 @@ def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_fail
     page.wait_for_selector("canvas")
     assert page.evaluate("location.hash").endswith(f"?t={second}&with=before")
     assert page.locator("figcaption strong").all_inner_texts() == ["before: clean", "clean"]
+
+
+@pytest.mark.parametrize(
+    ("driven", "terms", "head"),
+    [
+        (44, Terms(kind="list"), "It got worse"),
+        (43, Terms(kind="list"), "Not compared"),
+        (44, Terms(kind="evidence", allowances=(Allowance("SR", 0.0),), open_fails=True), "Inconclusive"),
+    ],
+    ids=["worse", "refused", "open"],
+)
+def test_a_comparison_is_called_what_its_conclusion_says(opened, tmp_path, driven, terms, head):
+    ids = [route.id for route in resolve_routes("one-per-scenario")]
+    old = clean_run(*(scored(name, 100.0) for name in ids))
+    broken = 1 if head == "Inconclusive" else driven
+    new = clean_run(*(scored(name, 20.0 if place < broken else 100.0) for place, name in enumerate(ids[:driven])))
+    comparison = compare(*(snapshot_of(run.document, label=run.label) for run in (old, new)), terms)
+    assert comparison.regressed
+    page = opened(write_pages(tmp_path, new, comparison=comparison).parent).go("#/compare")
+    assert text(page) == head
+    assert text(page, ".lead") == conclusion(comparison)
 
 
 def test_every_episode_shows_its_own_film(opened, tmp_path):
