@@ -26,6 +26,7 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.numbers import shown_beside
 from pytest_drive_robust.report.pages.folder import write_pages
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
@@ -427,6 +428,23 @@ def test_a_second_is_rounded_as_in_the_terminal(opened):
     page = opened().go()
     times = [round(tick * 0.05, 2) for tick in range(2000)]
     assert page.evaluate("times => times.map(driveRobust.seconds)", times) == [seconds_text(time) for time in times]
+
+
+def test_a_number_is_rounded_as_in_the_terminal(opened):
+    page = opened().go()
+    numbers = [place / 16 for place in range(1601)] + [place / 1000 for place in range(1001)]
+    for decimals in range(4):
+        shown = page.evaluate(
+            "([all, places]) => all.map((one) => driveRobust.fixed(one, places))", [numbers, decimals]
+        )
+        assert shown == [f"{number:.{decimals}f}" for number in numbers]
+    share = "[0.125, -0.125].map((value) => driveRobust.shownBeside(value, 0.12))"
+    assert page.evaluate(share) == [shown_beside("SR", 0.125, 0.12), "\u22120.12"]
+
+
+def test_a_driving_score_is_rounded_once(opened, tmp_path):
+    page = opened(report_of(tmp_path, scored("101", 36.2459))).go("#/episodes")
+    assert text(page, "td[data-label=DS]") == "36.2"
 
 
 def test_a_narrow_table_of_episodes_keeps_its_heads_and_is_sorted_by_them(opened):
