@@ -87,6 +87,16 @@ def test_a_full_disk_leaves_no_half_of_a_file_in_the_way_of_another_try(capsys: 
     assert proposed()
 
 
+@pytest.mark.parametrize(("stated", "told"), [({"agent": "driver"}, "KeyError: 'metric'"), (None, "TypeError: ")])
+def test_a_run_whose_requirements_lack_something_is_called_damaged(
+    stated: object, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = store_run("a")
+    path.write_text(json.dumps({**json.loads(path.read_text()), "requirements": [stated]}))
+    assert main(["limits", "--agent", "driver"]) == 4
+    assert f"the run 'latest' is damaged: {told}" in capsys.readouterr().err
+
+
 def test_an_agent_that_is_not_there_is_refused_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     assert main(["limits", "--agent", "drivr"]) == 4
