@@ -58,6 +58,14 @@ def test_nobody_is_made_up_where_git_knows_nobody() -> None:
     assert blessing["commit"] is None
 
 
+def test_what_git_tells_may_be_in_any_encoding() -> None:
+    store_run("a")
+    Path("gitconfig").write_bytes(b"[user]\n\tname = J\xf6rg")
+    assert main(["bless", "a", "--reason", "why"]) == 0
+    (blessing,) = json.loads(Path("suites/baselines/driver.json").read_text(encoding="utf-8"))["blessings"].values()
+    assert blessing["by"] == "J\N{REPLACEMENT CHARACTER}rg"
+
+
 def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     monkeypatch.setenv("CI", "true")
