@@ -66,6 +66,14 @@ def test_what_git_tells_may_be_in_any_encoding() -> None:
     assert blessing["by"] == "J\N{REPLACEMENT CHARACTER}rg"
 
 
+def test_half_characters_of_a_reason_are_kept() -> None:
+    store_run("a")
+    assert main(["bless", "a", "--reason", "for J\udcf6rg"]) == 0
+    (blessing,) = json.loads(Path("suites/baselines/driver.json").read_text(encoding="utf-8"))["blessings"].values()
+    assert blessing["reason"] == "for J\udcf6rg"
+    assert main(["compare", "baseline", "a"]) == 0
+
+
 def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     monkeypatch.setenv("CI", "true")
