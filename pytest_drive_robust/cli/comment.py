@@ -102,4 +102,7 @@ def _ask(method: str, url: str, token: str, content: Mapping[str, str] | None = 
 def _cut(text: str) -> str:
     if len(text) <= _MOST:
         return text
-    return text[:_MOST].rpartition("\n")[0] + "\n\nThe rest is in the summary of the run."
+    kept = text[:_MOST].rpartition("\n")[0]
+    if kept.count("<details>") > kept.count("</details>"):  # what follows would be folded away, too
+        kept += "\n\n</details>"
+    return f"{kept}\n\nThe rest is in the summary of the run."

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.store.whole_file import refusing_unwritable
+from pytest_drive_robust.store.whole_file import refusing_unwritable, write_whole
 
 _FOLDER = "robustness"
 _SUITES = ("paper", "minimal")
@@ -45,7 +45,7 @@ def _init(options: argparse.Namespace) -> int:
             path.parent.mkdir(parents=True, exist_ok=True)
     for path, name in wanted.items():
         with refusing_unwritable(path):
-            path.write_text((starter / name).read_text(encoding="utf-8"), encoding="utf-8")
+            write_whole(path, (starter / name).read_text(encoding="utf-8"))
         say(f"{path}: written")
     if options.ci:
         say("the workflow drives the agent that drive_agent names in pytest.ini or pyproject.toml, else one of ours")

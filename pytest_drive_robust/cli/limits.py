@@ -10,11 +10,11 @@ from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.regression.document import damaged, snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, kept_requirements, propose_limits
 from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.report.numbers import counted
-from pytest_drive_robust.store.whole_file import refusing_unwritable
+from pytest_drive_robust.store.whole_file import refusing_unwritable, write_whole
 
 _DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
 it as a verdict from evidence needs on so many routes. Requirements for which no limit is proposed, as those on metrics
@@ -51,13 +51,16 @@ def _limits(options: argparse.Namespace) -> int:
         perturbations=default_registry().perturbations(),
         rule=rule,
     )
-    kept = kept_requirements(document.get("requirements", ()), options.agent, found)
+    try:
+        kept = kept_requirements(document.get("requirements", ()), options.agent, found)
+    except (KeyError, TypeError) as error:
+        raise damaged(options.run, error) from None
     head = (
         f"# proposed by drive-robust limits: what {options.agent} showed, and the distance that evidence needs with a "
         f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"
     )
     with refusing_unwritable(path):
-        path.write_text(head + "".join([*map(_line, found), *map(_kept_line, kept)]), encoding="utf-8")
+        write_whole(path, head + "".join([*map(_line, found), *map(_kept_line, kept)]))
     also = f" and {len(kept)} more of the run's requirements, as they were" if kept else ""
     say(f"{path}: {len(found)} limits{also}. Review them, then commit the file.")
     fewest = min(item.routes for item in found)

@@ -8,6 +8,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from pytest_drive_robust import __version__
@@ -49,6 +50,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns the exit code: 0; 1 when what was checked does not hold (a contract, a comparison, a stored record, a
     replay, the doctor's list); 4 for input that cannot be used; 130 after Ctrl-C.
     """
+    if isinstance(sys.stdout, TextIOWrapper):  # names may hold characters that the terminal has not
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         options = _parser().parse_args(arguments)
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`

@@ -91,7 +91,7 @@ def _replay(options: argparse.Namespace) -> int:
     stuck_stop_s = seconds(GivenText("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
-    before = before_of(options.run, wanted.stored)
+    before = before_of(options.run, wanted.stored, simulator=options.sim, stuck_stop_s=stuck_stop_s)
     target = None if options.no_video else _target(options, wanted)
     if not options.stored_controls:
         registry.require("agents", wanted.agent)

@@ -62,10 +62,13 @@ class Before:
         return False, f"DIFFERS from {self.label}"
 
 
-def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | None:
+def before_of(
+    reference: str | None, episode: EpisodeResult | None, *, simulator: str, stuck_stop_s: float | None
+) -> Before | None:
     """Find what to compare with: the given episode, a run's name or file, a folder, or the newest stored run.
 
-    Raises `UsageError` for a reference that is none of these.
+    The newest one, for which nobody asked, is left out where it was driven in another simulator or was stopped after
+    another time. Raises `UsageError` for a reference that is none of these.
     """
     if reference is None and episode is not None:
         return Before("the stored episode", True, episode=episode)
@@ -77,6 +80,9 @@ def before_of(reference: str | None, episode: EpisodeResult | None) -> Before | 
     label = f"the run {path.stem if reference is None else reference}"
     try:
         document = read_document(path)
+        settings = {"simulator": simulator, "stuck_stop_s": stuck_stop_s, **(document["settings"] or {})}
+        if reference is None and (settings["simulator"], settings["stuck_stop_s"]) != (simulator, stuck_stop_s):
+            return None
         digests, routes = _digests(document, path), _routes(document)
     except UsageError:
         if reference is not None:

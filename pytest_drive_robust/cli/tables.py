@@ -29,9 +29,8 @@ def print_table(columns: Mapping[str, Justify], rows: Iterable[Sequence[str]], *
 
 
 def say(text: str) -> None:
-    """Print what any terminal can show: results may hold any character. A reader that stops early is no error."""
-    encoding = sys.stdout.encoding or "utf-8"
+    """Print a line at once. A reader that stops early is no error: what the command writes to files is wanted still."""
     try:
-        print(text.encode(encoding, "backslashreplace").decode(encoding), flush=True)
+        print(text, flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

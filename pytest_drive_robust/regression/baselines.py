@@ -232,7 +232,7 @@ def bless(
         prepared.append((told, merged.to_text()))
     folder.mkdir(parents=True, exist_ok=True)
     for blessed, text in prepared:
-        write_whole(blessed.path, text)
+        write_whole(blessed.path, text.encode("utf-8", "backslashreplace"))  # to JSON's escapes for half characters
     return tuple(blessed for blessed, _ in prepared)
 
 

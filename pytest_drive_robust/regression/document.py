@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
+from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.store.episode_fields import result_of
 from pytest_drive_robust.verdict.explain import describe_outcome
 
@@ -133,8 +134,13 @@ def _cell(
         for row in rows
         if _stopped_early(row)
     ]
-    specs = [row["routes_spec"] for row in rows]
-    return Cell(*key, specs[0] if specs else "", scores, tuple(broken), tuple(stopped))
+    return Cell(*key, _spec_of(rows), scores, tuple(broken), tuple(stopped))
+
+
+def _spec_of(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return the specification by which every route of `rows` is found again; empty where one of several files is."""
+    specs = dict.fromkeys(row["routes_spec"] for row in rows)
+    return next(iter(specs), "") if len(specs) < 2 or all(map(ships, specs)) else ""
 
 
 def _stopped_early(row: Mapping[str, Any]) -> bool:

@@ -24,9 +24,8 @@ def author(folder: Path) -> str:
 def _git(folder: Path, *words: str) -> str:
     """Return what git prints; empty when it fails or is not there."""
     try:
-        done = subprocess.run(
-            ["git", *words], cwd=folder, capture_output=True, text=True, timeout=_PATIENCE_S, check=False
-        )
+        done = subprocess.run(["git", *words], cwd=folder, capture_output=True, timeout=_PATIENCE_S, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+    text = done.stdout.decode("utf-8", errors="replace")  # names of files and people are the bytes that people chose
+    return text.strip() if done.returncode == 0 else ""

@@ -68,6 +68,7 @@ class RouteScore:
 class Cell:
     """One agent under one setting. `broken` tells of each episode that the simulator broke: it has no score.
 
+    `routes_spec` leads to each of its routes; it is empty where nothing tells which file holds one.
     `stopped` tells of each set of routes of which verdicts did without some: `"3 of 10 routes of dev10"`. What was
     driven until a verdict was in says nothing about two runs.
     """

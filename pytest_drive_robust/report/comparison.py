@@ -156,7 +156,7 @@ def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], 
         yield f"  {word}: {flip.after.route_id} {flip.after.scenario}"
         yield _story("was", flip.before)
         yield _story("is", flip.after)
-        if flip.fails and cell.routes_spec:  # a baseline does not know how its routes were called
+        if flip.fails and cell.routes_spec:  # else nothing tells which file holds the route
             yield from _replay(comparison, cell, flip.after)
     if len(flips) > most:
         rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])

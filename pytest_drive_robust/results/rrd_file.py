@@ -10,7 +10,7 @@ import numpy as np
 
 from pytest_drive_robust.results.extras import require
 from pytest_drive_robust.results.scene import Note, Place, Pose, Values, scenes_of
-from pytest_drive_robust.store.whole_file import whole_file
+from pytest_drive_robust.store.whole_file import write_whole
 
 if TYPE_CHECKING:
     from pytest_drive_robust.results.run import Run
@@ -24,16 +24,15 @@ def write_rrd(run: Run, folder: Path) -> Iterator[Path]:
     rerun: Any = require("rerun", "rrd")
     for scene in scenes_of(run):
         path = folder / f"{scene.file_name}.rrd"
-        with whole_file(path) as temporary:
-            recording = rerun.RecordingStream("drive_robust", recording_id=scene.file_name)
-            if hasattr(recording, "set_log_time_enabled"):  # older versions always have a second time axis
-                recording.set_log_time_enabled(False)
-            recording.save(temporary, _layout(scene))
-            recording.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-            for item in scene.items():
-                _log(rerun, recording, item)
-            recording.flush()
-            recording.disconnect()
+        recording = rerun.RecordingStream("drive_robust", recording_id=scene.file_name)
+        if hasattr(recording, "set_log_time_enabled"):  # older versions always have a second time axis
+            recording.set_log_time_enabled(False)
+        memory = recording.memory_recording()  # its own writer of files does not say where a disk was full
+        recording.send_blueprint(_layout(scene))
+        recording.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        for item in scene.items():
+            _log(rerun, recording, item)
+        write_whole(path, memory.drain_as_bytes())
         yield path
 
 

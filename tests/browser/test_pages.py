@@ -19,11 +19,14 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
+from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.numbers import shown_beside
 from pytest_drive_robust.report.pages.folder import write_pages
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
@@ -221,6 +224,27 @@ def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_fail
     assert page.locator("figcaption strong").all_inner_texts() == ["before: clean", "clean"]
 
 
+@pytest.mark.parametrize(
+    ("driven", "terms", "head"),
+    [
+        (44, Terms(kind="list"), "It got worse"),
+        (43, Terms(kind="list"), "Not compared"),
+        (44, Terms(kind="evidence", allowances=(Allowance("SR", 0.0),), open_fails=True), "Inconclusive"),
+    ],
+    ids=["worse", "refused", "open"],
+)
+def test_a_comparison_is_called_what_its_conclusion_says(opened, tmp_path, driven, terms, head):
+    ids = [route.id for route in resolve_routes("one-per-scenario")]
+    old = clean_run(*(scored(name, 100.0) for name in ids))
+    broken = 1 if head == "Inconclusive" else driven
+    new = clean_run(*(scored(name, 20.0 if place < broken else 100.0) for place, name in enumerate(ids[:driven])))
+    comparison = compare(*(snapshot_of(run.document, label=run.label) for run in (old, new)), terms)
+    assert comparison.regressed
+    page = opened(write_pages(tmp_path, new, comparison=comparison).parent).go("#/compare")
+    assert text(page) == head
+    assert text(page, ".lead") == conclusion(comparison)
+
+
 def test_every_episode_shows_its_own_film(opened, tmp_path):
     agents = ("tcp?engine=torch", "my_agent:MyAgent", "агент", "водитель")
     results = [make_result("101", agent=agent, seed=seed) for agent in agents for seed in (0, 1)]
@@ -404,6 +428,23 @@ def test_a_second_is_rounded_as_in_the_terminal(opened):
     page = opened().go()
     times = [round(tick * 0.05, 2) for tick in range(2000)]
     assert page.evaluate("times => times.map(driveRobust.seconds)", times) == [seconds_text(time) for time in times]
+
+
+def test_a_number_is_rounded_as_in_the_terminal(opened):
+    page = opened().go()
+    numbers = [place / 16 for place in range(1601)] + [place / 1000 for place in range(1001)]
+    for decimals in range(4):
+        shown = page.evaluate(
+            "([all, places]) => all.map((one) => driveRobust.fixed(one, places))", [numbers, decimals]
+        )
+        assert shown == [f"{number:.{decimals}f}" for number in numbers]
+    share = "[0.125, -0.125].map((value) => driveRobust.shownBeside(value, 0.12))"
+    assert page.evaluate(share) == [shown_beside("SR", 0.125, 0.12), "\u22120.12"]
+
+
+def test_a_driving_score_is_rounded_once(opened, tmp_path):
+    page = opened(report_of(tmp_path, scored("101", 36.2459))).go("#/episodes")
+    assert text(page, "td[data-label=DS]") == "36.2"
 
 
 def test_a_narrow_table_of_episodes_keeps_its_heads_and_is_sorted_by_them(opened):

@@ -77,7 +77,7 @@ class EpisodeTable:
             self.word(result.outcome.value),
             self.word(result.end_detail),
             self.word(describe_outcome(result)),
-            round(driving_score(result), 2) if scored else None,
+            driving_score(result) if scored else None,  # rounded once, where it is shown
             int(is_success(result)) if scored else None,
             round(float(result.route_completion_pct), 1),
             None if speed is None else round(speed, 1),

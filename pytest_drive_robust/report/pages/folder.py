@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from pytest_drive_robust import __version__
@@ -24,7 +26,7 @@ from pytest_drive_robust.store.whole_file import write_whole
 
 MARK = "drive-robust-report.txt"
 """Lies in every folder that we wrote: only such a one is written over."""
-_PARTS = ("index.html", "data", "static", "films", MARK)
+_PARTS = ("data", "static", "films", "index.html")
 _SAYS = "A report of pytest-drive-robust: open index.html. The next report that is written here replaces this one.\n"
 _MOST_NAMED = 3
 
@@ -50,6 +52,9 @@ def write_pages(
 ) -> Path:
     """Write the report and return its page. What an earlier one left in `folder` goes. Raises `UsageError`, `OSError`.
 
+    The parts of an earlier report are replaced when all of the new one is written, so that a full disk leaves the
+    earlier one, and two runs that write at the same time leave one of both.
+
     `films` are videos of `drive-robust replay`, found again by their names (`film_name`).
     """
     check_folder(folder, source="the folder of the report")
@@ -65,18 +70,20 @@ def write_pages(
         except KeyError as error:
             raise UsageError(f"the run {records.label!r} is damaged: it lacks {error}. Drive it again.") from None
         folder.mkdir(parents=True, exist_ok=True)
-        for part in _PARTS:
-            _remove(folder / part)
         write_whole(folder / MARK, _SAYS)
-        data["films"] = _copy_films(folder, films, table.results)
-        data["notes"] += _strangers(films, data["films"].values())
-        (folder / "data").mkdir()
-        _write_routes(folder / "data", records, table, maps, [route["id"] for route in data["routes"]])
+        with TemporaryDirectory(prefix=".new-", dir=folder) as name:
+            made = Path(name)
+            data["films"] = _copy_films(made, films, table.results)
+            data["notes"] += _strangers(films, data["films"].values())
+            (made / "data").mkdir()
+            _write_routes(made / "data", records, table, maps, [route["id"] for route in data["routes"]])
+            write_whole(made / "data" / "run.js", _script("run", data))
+            _copy_static(made / "static")
+            write_whole(made / "index.html", _page(data).encode("utf-8", "replace"))  # a name may be no Unicode
+            for part in _PARTS:
+                _put_in_place(made, folder, part)
     finally:
         maps.close()
-    write_whole(folder / "data" / "run.js", _script("run", data))
-    _copy_static(folder / "static")
-    write_whole(folder / "index.html", _page(data).encode("utf-8", "replace"))  # a name may be no Unicode
     return folder / "index.html"
 
 
@@ -139,8 +146,9 @@ def _strangers(films: Iterable[Path], shown: Iterable[str]) -> list[str]:
     return [f"films of no episode here, which are not shown: {first_few(names, _MOST_NAMED)}"]
 
 
-def _remove(path: Path) -> None:
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
+def _put_in_place(made: Path, folder: Path, part: str) -> None:
+    """Move a part of a report, where it has one, from `made` to `folder`, and what stood there to `made`."""
+    if os.path.lexists(folder / part):
+        os.replace(folder / part, made / f"former-{part}")
+    if (made / part).exists():
+        os.replace(made / part, folder / part)

@@ -58,6 +58,22 @@ def test_nobody_is_made_up_where_git_knows_nobody() -> None:
     assert blessing["commit"] is None
 
 
+def test_what_git_tells_may_be_in_any_encoding() -> None:
+    store_run("a")
+    Path("gitconfig").write_bytes(b"[user]\n\tname = J\xf6rg")
+    assert main(["bless", "a", "--reason", "why"]) == 0
+    (blessing,) = json.loads(Path("suites/baselines/driver.json").read_text(encoding="utf-8"))["blessings"].values()
+    assert blessing["by"] == "J\N{REPLACEMENT CHARACTER}rg"
+
+
+def test_half_characters_of_a_reason_are_kept() -> None:
+    store_run("a")
+    assert main(["bless", "a", "--reason", "for J\udcf6rg"]) == 0
+    (blessing,) = json.loads(Path("suites/baselines/driver.json").read_text(encoding="utf-8"))["blessings"].values()
+    assert blessing["reason"] == "for J\udcf6rg"
+    assert main(["compare", "baseline", "a"]) == 0
+
+
 def test_ci_never_blesses(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     monkeypatch.setenv("CI", "true")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from full_disk import full_disk
 
 from pytest_drive_robust import requirements
 from pytest_drive_robust.cli.main import main
@@ -67,6 +68,13 @@ def test_where_the_workflow_cannot_be_written_nothing_is(capsys: pytest.CaptureF
     assert main(["init", "--ci", "github"]) == 4
     assert written() == [".github"]
     assert "cannot write '.github/workflows/robustness.yml': Not a directory." in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_no_half_of_a_file_in_the_way_of_another_try(capsys: pytest.CaptureFixture[str]) -> None:
+    with full_disk(100):
+        assert main(["init"]) == 4
+    assert "cannot write 'robustness/test_robustness.py': File too large." in capsys.readouterr().err
+    assert main(["init"]) == 0
 
 
 def test_what_it_wrote_is_driven_and_keeps_the_limits_that_are_proposed(

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
+from full_disk import full_disk
 from stored_runs import store_run
 
 from pytest_drive_robust import requirements
@@ -76,6 +77,24 @@ def test_a_file_that_exists_is_kept(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["limits", "--agent", "driver"]) == 4
     assert Path("limits-driver.txt").read_text() == "mine"
     assert "--out" in capsys.readouterr().err
+
+
+def test_a_full_disk_leaves_no_half_of_a_file_in_the_way_of_another_try(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    with full_disk(100):
+        assert main(["limits", "--agent", "driver"]) == 4
+    assert "cannot write 'limits-driver.txt': File too large." in capsys.readouterr().err
+    assert proposed()
+
+
+@pytest.mark.parametrize(("stated", "told"), [({"agent": "driver"}, "KeyError: 'metric'"), (None, "TypeError: ")])
+def test_a_run_whose_requirements_lack_something_is_called_damaged(
+    stated: object, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = store_run("a")
+    path.write_text(json.dumps({**json.loads(path.read_text()), "requirements": [stated]}))
+    assert main(["limits", "--agent", "driver"]) == 4
+    assert f"the run 'latest' is damaged: {told}" in capsys.readouterr().err
 
 
 def test_an_agent_that_is_not_there_is_refused_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

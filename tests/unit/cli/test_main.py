@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ import pytest
 
 from pytest_drive_robust.cli.main import COMMANDS, main
 from pytest_drive_robust.registry import registry
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
+from pytest_drive_robust.testing import fake_route
 
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
 
@@ -190,3 +193,22 @@ def test_a_reader_that_stops_reading_gets_no_traceback(words: list[str]) -> None
     printing.stdout.close()
     assert printing.communicate()[1] == ""
     assert printing.returncode == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "shown"),
+    [
+        (["routes", "list", "räume.xml"], 0, "r\\xe4ume.xml: 1 route"),
+        (["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", "räume.xml"], 0, "on \\xfc Straight:"),
+        (["doctor", "--root", "räume"], 1, "r\\xe4ume"),
+    ],
+    ids=["table", "lines", "verdict"],
+)
+def test_what_a_terminal_has_no_characters_for_is_spelled_out(
+    words: list[str], code: int, shown: str, agents_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save_routes([fake_route("ü")], agents_folder / "räume.xml")
+    screen = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", screen)
+    assert main(words) == code
+    assert shown in screen.buffer.getvalue().decode("ascii")  # type: ignore[attr-defined]

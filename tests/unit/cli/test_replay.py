@@ -259,6 +259,26 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"simulator": FAKE, "stuck_stop_s": None}, True),
+        ({"simulator": "embedded", "stuck_stop_s": None}, False),
+        ({"simulator": FAKE, "stuck_stop_s": 30.0}, False),
+    ],
+)
+def test_the_newest_run_is_no_comparison_where_it_was_driven_otherwise(
+    settings: dict[str, object], told: bool, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    episode = {**asdict(Episode("film_agents:Good", ROUTE.id, "clean", 0)), "trace_digest": "of another drive"}
+    document = {"schema": 1, "settings": settings, "summaries": [], "episodes": [episode]}
+    runs = folder / ".drive-robust" / "runs"
+    runs.mkdir(parents=True)
+    (runs / "one.json").write_text(json.dumps(document))
+    assert main([*GOOD, "--no-video"]) == 0
+    assert ("DIFFERS from the run one" in capsys.readouterr().out) == told
+
+
 def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     document = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
     (folder / "run").write_text(json.dumps(document))

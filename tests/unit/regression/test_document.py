@@ -40,6 +40,24 @@ def test_an_agent_is_compared_by_what_its_own_episodes_depend_on() -> None:
 
 
 @pytest.mark.parametrize(
+    ("specs", "told"),
+    [
+        (("day.xml",), "day.xml"),
+        (("day.xml", "night.xml"), ""),
+        (("dev10", "night.xml"), ""),
+        (("dev10", "101,201"), "dev10"),
+    ],
+)
+def test_no_file_is_named_for_routes_of_several(specs: tuple[str, ...], told: str) -> None:
+    results = {spec: make_result(str(number)) for number, spec in enumerate(specs)}
+    needed = [EpisodesNeeded("driver", spec, "clean", (0,), (spec,)) for spec in specs]
+    run = RunResult.of(RunOptions(), [*needed, Used(specs)], results.get, versions={})
+    (cell,) = snapshot_of(run_as_json(run), label="run").cells.values()
+    assert len(cell.routes) == len(specs)
+    assert cell.routes_spec == told
+
+
+@pytest.mark.parametrize(
     "changed",
     [
         {"summaries": 5},

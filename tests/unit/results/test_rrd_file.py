@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 import pytest
+from full_disk import full_disk
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.results import read_run
@@ -32,6 +33,14 @@ def test_rerun_reads_both_episodes_and_the_road(project, tmp_path):
         assert rows[f"/{name}/log"] >= len(result.infractions) + 1
         assert rows[f"/{name}/told"] == len(result.given.rows)
     assert rows["/road"] == 2
+
+
+def test_a_disk_that_is_full_is_said_and_leaves_no_half_of_a_file(project, tmp_path, capsys):
+    pytest.importorskip("rerun", reason="rerun-sdk is not installed: pip install -e '.[rrd]'")
+    with full_disk(100_000):
+        assert main(["export", "one", str(tmp_path), "--format", "rrd", "--setting", "GPS noise 15 m"]) == 4
+    assert f"cannot write to '{tmp_path}': File too large." in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_it_needs_is_named(project, tmp_path, monkeypatch, capsys):

@@ -70,9 +70,15 @@ const driveRobust = (() => {
 
   /* --- numbers and words --- */
   const MINUS = "\u2212";
+  /* The size of a value as Python rounds it: of two ends as near the even one, where toFixed takes the larger. */
+  function rounded(value, decimals) {
+    const text = Math.abs(value).toFixed(decimals);
+    const halfway = (Math.abs(value) * 2 ** (decimals + 1)) % 2 === 1;
+    return halfway && text.at(-1) % 2 ? (text - 10 ** -decimals).toFixed(decimals) : text;
+  }
   function fixed(value, decimals) {
     if (value === null || value === undefined) return "\u2013";
-    const text = Math.abs(value).toFixed(decimals);
+    const text = rounded(value, decimals);
     return value < 0 && Number(text) !== 0 ? MINUS + text : text;
   }
   /* Every metric as in the terminal (report/numbers.py). */
@@ -85,7 +91,7 @@ const driveRobust = (() => {
     if (value === null || value === undefined) return fixed(value, 0);
     const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
     let decimals = DECIMALS;
-    while (decimals < 9 && side(Number(value.toFixed(decimals))) !== side(value)) decimals += 1;
+    while (decimals < 9 && side(Math.sign(value) * rounded(value, decimals)) !== side(value)) decimals += 1;
     return fixed(value, decimals);
   }
   /* A limit as its requirement states it. */

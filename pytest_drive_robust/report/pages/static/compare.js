@@ -2,6 +2,8 @@
 /* Two runs: what got worse, what flipped, by how much. */
 driveRobust.views.set("compare", (() => {
   const { h, fixed, signed, shown, badge, counted, scroller } = driveRobust;
+  /* By the word that the conclusion begins with, where it is not good. */
+  const HEADS = { "NOT COMPARED": "Not compared", "NOT JUDGED": "Not judged", INCONCLUSIVE: "Inconclusive", REGRESSION: "It got worse" };
 
   function render() {
     const { comparison } = driveRobust.given.get("run");
@@ -11,7 +13,7 @@ driveRobust.views.set("compare", (() => {
     return {
       title: "Compare",
       nodes: [
-        h("h1", {}, comparison.conclusion.startsWith("NOT JUDGED") ? "Not judged" : comparison.regressed ? "It got worse" : comparison.refused ? "Not compared" : "No regression shown"),
+        h("h1", {}, headline(comparison.conclusion)),
         h("p", { class: "lead" }, comparison.conclusion),
         h("p", { class: "soft" }, `before: ${comparison.before}${comparison.beforeMade ? ` (${comparison.beforeMade})` : ""}; now: ${comparison.after}`),
         comparison.settings.length ? h("section", {}, h("h2", {}, "Settings, the worst change first"), table(worst)) : null,
@@ -21,6 +23,11 @@ driveRobust.views.set("compare", (() => {
         comparison.notes.length ? h("section", {}, h("h2", {}, "To know"), h("ul", {}, comparison.notes.map((note) => h("li", {}, note)))) : null,
       ],
     };
+  }
+
+  function headline(conclusion) {
+    const word = Object.keys(HEADS).find((begin) => conclusion.startsWith(begin));
+    return word ? HEADS[word] : "No regression shown";
   }
 
   function table(cells) {

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from full_disk import full_disk
 from report_pages import data_of, motion_of
 from result_factory import FULL, crashed_simulation, infraction, make_result, scored, trace_of
 
@@ -21,6 +22,7 @@ from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.pages import folder as pages_folder
 from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pages
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
 from pytest_drive_robust.report.run_records import RunRecords
@@ -114,6 +116,33 @@ def test_a_former_report_is_written_over_and_nothing_else(tmp_path):
     (folder / MARK).unlink()
     with pytest.raises(UsageError, match="holds other things"):
         write_pages(folder, records(make_result("101")))
+
+
+def test_two_runs_that_write_one_folder_at_the_same_time_leave_one_report(tmp_path, monkeypatch):
+    other = replace(records(make_result("101"), make_result("301")), label="the other run")
+    copy = pages_folder._copy_static
+
+    def meanwhile(folder):
+        monkeypatch.setattr(pages_folder, "_copy_static", copy)
+        write_pages(tmp_path, other)
+        copy(folder)
+
+    monkeypatch.setattr(pages_folder, "_copy_static", meanwhile)
+    page = write_pages(tmp_path, records(make_result("101")))
+    assert "<title>a run - " in page.read_text(encoding="utf-8")
+    assert data_of(tmp_path)["label"] == "a run"
+    assert {path.name for path in (tmp_path / "data").iterdir()} == {"run.js", "route-0.js"}
+    assert {path.name for path in tmp_path.iterdir()} == {"index.html", "data", "static", MARK}
+
+
+def test_a_full_disk_leaves_the_earlier_report(tmp_path):
+    page = write_pages(tmp_path, records(make_result("101")))
+    earlier = page.read_bytes()
+    with full_disk(1000), pytest.raises(OSError, match="File too large"):
+        write_pages(tmp_path, records(make_result("101"), make_result("301")))
+    assert page.read_bytes() == earlier
+    assert {path.name for path in tmp_path.iterdir()} == {"index.html", "data", "static", MARK}
+    assert {path.name for path in (tmp_path / "data").iterdir()} == {"run.js", "route-0.js"}
 
 
 def test_a_file_is_no_folder(tmp_path):
