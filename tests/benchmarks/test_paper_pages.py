@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from _paper.agreement import agreement
-from _paper.estimates import efficiency
+from _paper.estimates import degradation, driving_score, efficiency, success_rate
 from _paper.joining import read
 from _paper.parts import on_routes
 from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS
@@ -37,6 +37,27 @@ def test_the_page_counts_routes_and_episodes(results: Results) -> None:
     assert not settings
     assert f"{len(results.routes)}, with seed" in SENTENCES
     assert f"{episodes:,} episodes" in SENTENCES
+
+
+def test_the_fifth_routes_are_those_that_the_page_tells_of(results: Results) -> None:
+    files = [BENCHMARKS / "paper" / name for name in ("results.json", "fifth-routes.json")]
+    if not files[1].exists():  # all four agents have driven them
+        assert files[1].name not in SENTENCES
+        return
+    agents = list(read(files[1:]).agents)
+    more = read(files, only=agents)
+    assert f"With these {len(more.routes)} routes" in SENTENCES
+    differences = []
+    for agent in agents:
+        clean = Drives(more, READINGS[0])
+        score, successes = (of(clean, agent, (CLEAN,)) for of in (driving_score, success_rate))
+        assert f"{score.value:.1f} ({score.low:.0f} to {score.high:.0f})" in SENTENCES
+        assert f"{100 * successes.value:.0f} % ({100 * successes.low:.0f} to {100 * successes.high:.0f})" in SENTENCES
+        for reading in READINGS:
+            for rows in AVERAGES.values():
+                lost = [degradation(Drives(one, reading), agent, rows).value for one in (more, results)]
+                differences.append(abs(lost[0] - lost[1]))
+    assert f"differs by more than {np.ceil(100 * max(differences)) / 100:.2f} from that of" in SENTENCES
 
 
 def test_what_uniad_gains_by_standing_is_what_its_scores_say(results: Results) -> None:

@@ -172,7 +172,7 @@ def files_of(path: str | Path) -> Iterator[tuple[str, Path]]:
         yield "", Path(path)
         return
     seen = set()
-    for place, folders, names in os.walk(path, followlinks=True, onerror=_raised):
+    for place, folders, names in os.walk(path, followlinks=True, onerror=_raise):
         real = os.path.realpath(place)
         folders[:] = [] if real in seen else sorted(name for name in folders if not _is_hidden(name))
         if real not in seen:
@@ -182,7 +182,7 @@ def files_of(path: str | Path) -> Iterator[tuple[str, Path]]:
                 yield file.relative_to(path).as_posix(), file
 
 
-def _raised(error: OSError) -> None:
+def _raise(error: OSError) -> None:
     raise error
 
 
