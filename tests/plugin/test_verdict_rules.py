@@ -240,6 +240,15 @@ def pytest_drive_robust_register(registry):
     result.stdout.no_fnmatch_line("*Traceback*")
 
 
+@pytest.mark.parametrize("rule", ["evidence", "list", "point"])
+def test_a_metric_of_which_no_episode_holds_data_is_named(suite, rule):
+    pytester = suite("efficiency under clean >= 50")  # there is no traffic in this world
+    thirty_routes(pytester)
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", rule)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["the 30 episodes under 'clean' hold no data for efficiency (speed of the ego *"])
+
+
 def test_a_metric_that_writes_into_what_was_recorded_is_told_and_changes_no_other(suite):
     metric = """
 
