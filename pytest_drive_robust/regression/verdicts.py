@@ -121,6 +121,7 @@ def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, ki
     `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most 1
     time in 20 on routes like these. Raises `ComparisonError` when there is no pair.
     """
+    kind = "point" if kind == "list" else kind  # the whole list is known, so a part of it has no say
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
     return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 

@@ -54,6 +54,13 @@ def test_evidence_decides_a_drop_in_the_unit_of_its_metric(text: str, held: floa
     assert (verdict(held), verdict(missed)) == ("pass", "fail")
 
 
+@pytest.mark.parametrize(("begins", "goes_on", "verdict"), [(0.0, 100.0, "pass"), (100.0, 30.0, "fail")])
+def test_a_list_of_which_all_is_known_is_judged_by_all_of_it(begins: float, goes_on: float, verdict: str) -> None:
+    (allowance,) = parse_allowances(["ds:-5%"], source="test")
+    pairs = [(60.0, begins)] * 15 + [(60.0, goes_on)] * 29
+    assert judge_drop(pairs, allowance, kind="list") == verdict
+
+
 def test_what_each_route_lost_before_as_well_is_no_noise() -> None:
     (allowance,) = parse_allowances(["rd:+0.05"], source="test")
     rows = [(100.0, kept, 50.0, kept / 2.0) for kept in (20.0, 100.0, 0.0)] * 20  # the clean scores halved, RD is equal
