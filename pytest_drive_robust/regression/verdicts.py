@@ -8,7 +8,7 @@ is no sum over routes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import fsum
 from statistics import fmean
 
@@ -170,6 +170,7 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) 
 
 def _forms(allowance: Allowance) -> LinearForms:
     if allowance.relative:
-        return degradation_forms(allowance.amount, MARGIN, top_score=allowance.top)
+        # a run that scored nothing is one to compare with: it says that nothing can have dropped
+        return replace(degradation_forms(allowance.amount, MARGIN, top_score=allowance.top), relative=False)
     top = allowance.top
     return mean_forms(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)
