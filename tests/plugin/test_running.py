@@ -638,6 +638,17 @@ def test_a_failure_names_the_line_of_the_requirement_that_is_broken(suite, readi
     assert lines == ["6", "16"], "from 0: of the sentence, and of the test that has none for what is broken"
 
 
+def test_a_sentence_behind_the_end_of_a_line_in_a_string_is_found(suite):
+    test = """
+from pytest_drive_robust import requirements
+
+def test_it(drive):
+    for stated in requirements("DS under clean >= 1\\nDS under throttle 0.3 >= 60"):
+        drive.check(stated)
+"""
+    run(suite(test=test)).stdout.fnmatch_lines(["  stated:  test_suite.py:5"])
+
+
 STATED_ELSEWHERE = """
 from pathlib import Path
 import pytest
