@@ -35,7 +35,8 @@ class Estimate(float):
 
     def __repr__(self) -> str:
         interval = interval_text(self.metric, self.low, self.high)
+        short, exact = f"{float(self):.2f}", f"{float(self):.4f}"  # 0.3004 <= 0.3 fails, which "0.30 <= 0.3" hides
         return (
-            f"{float(self):.2f} ({self.metric} under {self.setting}, {interval}, "
+            f"{short if float(exact) == float(short) else exact} ({self.metric} under {self.setting}, {interval}, "
             f"{counted(self.routes, 'route')} x {counted(self.seeds, 'seed')})"
         )

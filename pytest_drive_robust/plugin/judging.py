@@ -183,6 +183,8 @@ class Drive:
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
         """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken.
 
+        That is `clean` where the agent breaks it without any failure.
+
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
 
         An inconclusive verdict on the requirement itself is no pass: it warns, fails or skips, as in `check`.

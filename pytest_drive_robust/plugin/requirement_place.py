@@ -29,7 +29,7 @@ def place_of(item: pytest.Item, stated: object) -> tuple[str, int] | None:
     if path is None:  # a text in the test's module
         path = item.path
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-        whole = re.compile(rf"(?<![\w.]){re.escape(sentence)}(?![\w.])")
+        whole = re.compile(rf"(?:(?<![\w.])|(?<=\\n)){re.escape(sentence)}(?![\w.])")  # the n of a line's end is none
         found = [number for number, text in enumerate(lines, 1) if whole.search(text)]
         if not found:
             return None

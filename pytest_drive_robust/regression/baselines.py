@@ -113,7 +113,7 @@ def read_baseline(path: Path) -> Baseline:
         return Baseline(agent, blessings, routes)
     except OSError as error:
         raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{str(path)!r} is not a baseline: {type(error).__name__}: {error}.") from None
 
 

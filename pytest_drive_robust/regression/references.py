@@ -244,6 +244,6 @@ class References:
 def _is_baseline(path: Path) -> bool:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         return False  # read_document says what is wrong with it
     return isinstance(document, dict) and "blessings" in document

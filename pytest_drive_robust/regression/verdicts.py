@@ -8,7 +8,7 @@ is no sum over routes.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import fsum
 from statistics import fmean
 
@@ -121,6 +121,7 @@ def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, ki
     `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most 1
     time in 20 on routes like these. Raises `ComparisonError` when there is no pair.
     """
+    kind = "point" if kind == "list" else kind  # the whole list is known, so a part of it has no say
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
     return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 
@@ -169,6 +170,7 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) 
 
 def _forms(allowance: Allowance) -> LinearForms:
     if allowance.relative:
-        return degradation_forms(allowance.amount, MARGIN, top_score=allowance.top)
+        # a run that scored nothing is one to compare with: it says that nothing can have dropped
+        return replace(degradation_forms(allowance.amount, MARGIN, top_score=allowance.top), relative=False)
     top = allowance.top
     return mean_forms(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)

@@ -66,7 +66,7 @@ def _headline(verdict: Verdict) -> list[str]:
 def _promise(verdict: Verdict) -> list[str]:
     """Return what the verdict says and how often it may be wrong; nothing for a plain comparison."""
     requirement, kind = verdict.requirement, verdict.verdict_rule.kind
-    if verdict.reason:
+    if verdict.reason and verdict.decision == "inconclusive":  # it leaves a pass open; a fail stays a fail
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:
         return [f"  decided for these {verdict.planned} routes and seeds before all were driven"]

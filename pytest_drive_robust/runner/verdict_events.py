@@ -37,8 +37,9 @@ def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
 
 def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
     """Return the verdict of the test `nodeid`."""
+    why_open = verdict.reason if verdict.decision == "inconclusive" else ""
     return replace(
-        not_judged(verdict.requirement, scope, nodeid, verdict.reason),
+        not_judged(verdict.requirement, scope, nodeid, why_open),
         verdict=verdict.decision,
         value=float(verdict.value),
         low=float(verdict.low),

@@ -272,7 +272,8 @@ def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None
     """Return the verdict of a fresh `judge` and how many routes were taken from `scores`; none after the verdict.
 
     `scores` gives (score, reference) for each of the planned routes in their order, None for a route without data:
-    it is counted but not read. A list that turns out shorter than planned is judged by its value.
+    it is counted but not read. A list that turns out shorter than planned is judged by its value. Where no route has
+    data that is inconclusive: whoever knows the metric says that there is no value.
     """
     read: list[tuple[float, float]] = []
     taken = 0
@@ -286,7 +287,7 @@ def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None
         judge = PointJudge(judge.forms)
         for found in read:
             judge.read(*found)
-    return judge.close(), taken
+    return judge.close() if read or not taken else "inconclusive", taken
 
 
 def _require_alpha(alpha: float) -> None:

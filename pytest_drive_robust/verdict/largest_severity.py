@@ -36,7 +36,7 @@ class SeverityProbe:
     """One severity that was tried. `value` is the metric over the `routes` that were read.
 
     `answer` is `"undecided"` when neither side could be shown; whether the value `meets` the limit then says where the
-    search goes on.
+    search goes on. `reason` is that of the verdict: what is not in the numbers.
     """
 
     level: float
@@ -44,6 +44,7 @@ class SeverityProbe:
     value: float
     meets: bool
     routes: int
+    reason: str = ""
 
 
 @total_ordering
@@ -178,7 +179,7 @@ def largest(
         return _probe(level, decide(requirement(level), verdict_rule))
 
     probes = bisect(ladder, ask)
-    warnings = contradictions(ladder, known, probes)
+    warnings = (*contradictions(ladder, known, probes), *_reasons(ladder, probes))
     return Bracket(ladder, known, compares, requirement(ladder.levels[0]).limit, rule, ALPHA, probes, warnings)
 
 
@@ -228,7 +229,14 @@ def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProb
     return ()
 
 
+def _reasons(ladder: Ladder, probes: Iterable[SeverityProbe]) -> Iterable[str]:
+    """Return why severities stayed open where more routes would not have helped."""
+    ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
+    open_ = [probe for probe in ordered if probe.answer == "undecided" and probe.reason]
+    return [f"undecided at {ladder.label(probe.level)}: {probe.reason}" for probe in open_]
+
+
 def _probe(level: float, verdict: Verdict) -> SeverityProbe:
     answer = _ANSWERS.get(verdict.decision, "undecided")
     meets = verdict.requirement.is_met_by(verdict.value)
-    return SeverityProbe(level, answer, verdict.value, meets, verdict.routes)
+    return SeverityProbe(level, answer, verdict.value, meets, verdict.routes, verdict.reason)

@@ -43,7 +43,8 @@ class MinimalFailure:
     @property
     def summary(self) -> str:
         """How it came about, in one line."""
-        return f"smallest setting that fails: {self.setting} (from {self.given}, {len(self.asked)} verdicts)"
+        verdicts = "1 verdict" if len(self.asked) == 1 else f"{len(self.asked)} verdicts"
+        return f"smallest setting that fails: {self.setting} (from {self.given}, {verdicts})"
 
     @property
     def case(self) -> str:
@@ -58,13 +59,13 @@ def minimal_failure(
 ) -> MinimalFailure | None:
     """Return the smallest setting under which `requirement` fails, or None when it does not fail in the first place.
 
-    Evidence is asked for more strictly than for one verdict: alpha is shared by the calls that shrinking may take,
-    about two for each failure in the stack.
+    That is the clean one where the agent fails without any failure. Evidence is asked for more strictly than for one
+    verdict: alpha is shared by the calls that shrinking may take, about two for each failure in the stack.
     """
     setting = requirement.setting
-    if decide(requirement, verdict_rule).decision != "fail" or setting.is_clean:
+    if decide(requirement, verdict_rule).decision != "fail":
         return None
-    strict = replace(verdict_rule, alpha=verdict_rule.alpha / (2.0 * len(setting.perturbations)))
+    strict = replace(verdict_rule, alpha=verdict_rule.alpha / (2.0 * max(1, len(setting.perturbations))))
 
     def fails(candidate: Setting) -> str:
         asked = Requirement(requirement.metric, candidate, requirement.comparison, requirement.limit)
@@ -72,6 +73,9 @@ def minimal_failure(
 
     limit = requirement.metric.format_limit(requirement.limit)
     sentence = f"{requirement.metric} under {{setting}} {requirement.comparison} {limit}"
+    if not requirement.needs_clean and fails(Setting.CLEAN) == "fail":  # no failure in the stack is to blame
+        asked = {str(given): "fail" for given in (setting, Setting.CLEAN)}
+        return MinimalFailure(Setting.CLEAN, setting, tuple(asked.items()), sentence)
     return minimal_failing(setting, fails, dt_s=dt_s, sentence=sentence)
 
 

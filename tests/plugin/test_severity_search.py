@@ -84,6 +84,21 @@ def pytest_drive_robust_register(registry):
     )
 
 
+def test_a_severity_that_stays_open_for_another_reason_than_few_routes_says_so(suite):
+    lazy = "\nclass Lazy(ScriptedAgent):\n    def __init__(self):\n        super().__init__([Control(throttle=0.1)])\n"
+    test = """
+def test_search(drive):
+    from pytest_drive_robust.registry.registry import default_registry
+    assert drive.largest(default_registry().perturbations()["throttle"], limit=0.5, levels=[0.9]).holds == 0.9
+"""
+    folder = suite(test=test, conftest=LADDER + lazy)
+    result = run(folder, "--drive-agent", "conftest:Lazy")
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines(
+        ["*undecided at 0.9: the clean driving score is *, below the floor of 30: RD says nothing yet*"]
+    )
+
+
 def test_episodes_that_the_run_has_are_not_driven_again(suite):
     test = """
 def test_twice(drive):

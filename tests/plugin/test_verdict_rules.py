@@ -149,6 +149,17 @@ def test_an_agent_that_hardly_drives_leaves_its_degradation_open(suite, rule: st
     result.stdout.fnmatch_lines(["~ lazy: RD under throttle 0.9*", "*floor of 30*"])
 
 
+def test_a_fail_of_an_agent_that_hardly_drives_is_told_as_a_fail(suite) -> None:
+    pytester = suite("RD under throttle 0.3 <= 0.10", conftest=LAZY)
+    result = pytester.runpytest_inprocess(
+        "--drive-robust", "--drive-verdict", "list", "--drive-agent", "lazy", "--drive-json", "run.json"
+    )
+    result.assert_outcomes(failed=1)
+    result.stdout.no_fnmatch_line("*open: *")
+    (judged,) = verdicts(pytester).values()
+    assert (judged["verdict"], judged["message"]) == ("fail", "")
+
+
 def test_a_pass_over_a_clean_score_below_the_floor_is_read_on_to_where_the_clean_score_is_known(suite) -> None:
     pytester = suite("RD under throttle 0.9 <= 0.30")
     names = [str(number) for number in range(1, 81)]
@@ -238,6 +249,15 @@ def pytest_drive_robust_register(registry):
     result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines(["*the metric bumps gave *, expected a finite number*"])
     result.stdout.no_fnmatch_line("*Traceback*")
+
+
+@pytest.mark.parametrize("rule", ["evidence", "list", "point"])
+def test_a_metric_of_which_no_episode_holds_data_is_named(suite, rule):
+    pytester = suite("efficiency under clean >= 50")  # there is no traffic in this world
+    thirty_routes(pytester)
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", rule)
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["the 30 episodes under 'clean' hold no data for efficiency (speed of the ego *"])
 
 
 def test_a_metric_that_writes_into_what_was_recorded_is_told_and_changes_no_other(suite):

@@ -65,6 +65,17 @@ def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(capsys: pyte
     assert "there is no way to treat inconclusive verdicts named 'skip'" in capsys.readouterr().err
 
 
+def test_a_file_that_nests_too_deep_is_refused_wherever_it_lies(capsys: pytest.CaptureFixture[str]) -> None:
+    store_run("a")
+    Path("deep.json").write_text("[" * 100_000)
+    assert main(["compare", "deep.json", "a"]) == 4
+    assert "'deep.json' is " in capsys.readouterr().err
+    Path("suites/baselines").mkdir(parents=True)
+    Path("deep.json").rename("suites/baselines/driver.json")
+    assert main(["compare", "baseline", "a"]) == 4
+    assert "driver.json' is not a baseline: " in capsys.readouterr().err
+
+
 def test_a_rule_that_there_is_not_names_the_option_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     assert main(["compare", "a", "a", "--verdict", "pt"]) == 4

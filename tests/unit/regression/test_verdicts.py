@@ -54,6 +54,24 @@ def test_evidence_decides_a_drop_in_the_unit_of_its_metric(text: str, held: floa
     assert (verdict(held), verdict(missed)) == ("pass", "fail")
 
 
+@pytest.mark.parametrize(("begins", "goes_on", "verdict"), [(0.0, 100.0, "pass"), (100.0, 30.0, "fail")])
+def test_a_list_of_which_all_is_known_is_judged_by_all_of_it(begins: float, goes_on: float, verdict: str) -> None:
+    (allowance,) = parse_allowances(["ds:-5%"], source="test")
+    pairs = [(60.0, begins)] * 15 + [(60.0, goes_on)] * 29
+    assert judge_drop(pairs, allowance, kind="list") == verdict
+
+
+@pytest.mark.parametrize("text", ["sr:-5%", "ds:-5%"])
+def test_what_was_nothing_on_every_route_cannot_drop(text: str) -> None:
+    (allowance,) = parse_allowances([text], source="test")
+    same, better = [(0.0, 0.0)] * 44, [(0.0, 0.8 * allowance.top)] * 44
+    verdicts = {
+        kind: (judge_drop(same, allowance, kind=kind), judge_drop(better, allowance, kind=kind))
+        for kind in ("list", "point", "evidence")
+    }
+    assert verdicts == {"list": ("pass", "pass"), "point": ("pass", "pass"), "evidence": ("inconclusive", "pass")}
+
+
 def test_what_each_route_lost_before_as_well_is_no_noise() -> None:
     (allowance,) = parse_allowances(["rd:+0.05"], source="test")
     rows = [(100.0, kept, 50.0, kept / 2.0) for kept in (20.0, 100.0, 0.0)] * 20  # the clean scores halved, RD is equal

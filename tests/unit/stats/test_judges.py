@@ -80,8 +80,9 @@ def test_a_list_that_turns_out_shorter_is_judged_by_its_value() -> None:
 
     assert read_until_decided(ListJudge(RULE, planned=3), scores) == ("pass", 3)
     assert read_until_decided(ListJudge(degradation_forms(0.10), planned=3), scores) == ("fail", 3)
+    assert read_until_decided(ListJudge(RULE, planned=2), [None, None]) == ("inconclusive", 2)
     with pytest.raises(ComparisonError, match="no pair"):
-        read_until_decided(ListJudge(RULE, planned=2), [None, None])
+        read_until_decided(ListJudge(RULE, planned=0), [])
 
 
 @pytest.mark.parametrize("kind", ["evidence", "list", "point"])

@@ -189,7 +189,8 @@ class Scores:
             if judge.read(scores[-1], 80.0) is not None:
                 break
         value = 1.0 - sum(scores) / (80.0 * len(scores))
-        return SimpleNamespace(requirement=requirement, decision=judge.close(), value=value, routes=len(scores))
+        decision, routes = judge.close(), len(scores)
+        return SimpleNamespace(requirement=requirement, decision=decision, value=value, routes=routes, reason="")
 
 
 def test_with_enough_routes_the_bracket_rests_on_evidence_and_stops_early_far_from_the_crossing() -> None:
@@ -220,7 +221,7 @@ def test_values_are_compared_up_to_nineteen_routes(routes: int, rule: str) -> No
 
 def test_values_of_a_users_function_are_compared_on_any_number_of_routes() -> None:
     def decide(requirement: Requirement, verdict_rule: VerdictRule) -> SimpleNamespace:
-        return SimpleNamespace(requirement=requirement, decision="pass", value=3.0, routes=30)
+        return SimpleNamespace(requirement=requirement, decision="pass", value=3.0, routes=30, reason="")
 
     found = largest(LATENCY, decide, routes=30, metric=Metric.from_function("episodes", len), limit=2.0)  # type: ignore[arg-type]
     assert (found.rule, found.holds) == ("point", 1000.0)

@@ -131,13 +131,24 @@ def test_the_result_prints_a_test_case_that_runs() -> None:
     assert str(found).startswith("smallest setting that fails: 200 ms latency (from occlusion 0.8 and ")
 
 
-@pytest.mark.parametrize(("setting", "decision"), [(STACK, "inconclusive"), (Setting.CLEAN, "fail")])
-def test_what_does_not_fail_and_what_fails_without_a_failure_has_no_smallest_setting(setting, decision) -> None:
+def test_what_does_not_fail_has_no_smallest_setting() -> None:
     def decide(asked: Requirement, rule: VerdictRule) -> Verdict:
-        return cast("Verdict", SimpleNamespace(decision=decision))
+        return cast("Verdict", SimpleNamespace(decision="inconclusive"))
+
+    wanted = requirement("DS", STACK) >= 60
+    assert minimal_failure(wanted, decide, verdict_rule=VerdictRule("evidence"), dt_s=0.05) is None
+
+
+@pytest.mark.parametrize(("setting", "verdicts"), [(STACK, "2 verdicts"), (Setting.CLEAN, "1 verdict")])
+def test_where_the_agent_fails_without_any_failure_the_smallest_setting_is_clean(setting, verdicts) -> None:
+    def decide(asked: Requirement, rule: VerdictRule) -> Verdict:
+        return cast("Verdict", SimpleNamespace(decision="fail"))
 
     wanted = requirement("DS", setting) >= 60
-    assert minimal_failure(wanted, decide, verdict_rule=VerdictRule("evidence"), dt_s=0.05) is None
+    found = minimal_failure(wanted, decide, verdict_rule=VerdictRule("evidence"), dt_s=0.05)
+    assert found is not None
+    assert found.summary == f"smallest setting that fails: clean (from {setting}, {verdicts})"
+    assert 'requirements("DS under clean >= 60")' in found.case
 
 
 def test_one_alpha_is_shared_by_all_that_is_asked_on_the_way() -> None:
