@@ -207,7 +207,7 @@ def _executor(
     def worker_setup() -> WorkerSetup:
         """Return how a fresh process comes to know the names that this one knows."""
         return WorkerSetup(
-            python_path=tuple(sys.path),
+            python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
             folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
             plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
             simulator=options.simulator,
