@@ -76,7 +76,7 @@ def _verify(options: argparse.Namespace) -> int:
     count, damages = verify(folder)
     for damage in damages:
         print(f"{damage.path}: {damage.problem}")
-    damaged = [damage for damage in damages if not (damage.later_version or damage.unread)]
+    damaged = [damage for damage in damages if damage.is_certain]
     unread = sum(damage.unread for damage in damages)
     more = f", {unread} that could not be read" if unread else ""
     print(f"{folder}: {counted(count, 'episode')}, {len(damaged)} damaged{more}")
@@ -101,7 +101,7 @@ def _gc(options: argparse.Namespace) -> int:
             if agent not in known:
                 raise UnknownNameError.of("agent", agent, known, hint=f"The store is {str(folder)!r}.")
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
-    removed = f"{counted(swept.records, 'episode')}, {counted(swept.set_aside, 'damaged record')}"
+    removed = f"{counted(swept.records, 'episode')}, {counted(swept.damaged, 'damaged record')}"
     leftovers = f"{counted(swept.leftovers, 'leftover')} of writers that died"
     did = "would remove" if options.dry_run else "removed"
     print(f"{folder}: {did} {removed} and {leftovers}, {swept.size_bytes / _MEGA:.1f} MB")

@@ -29,6 +29,7 @@ from typing import IO, Any
 from pytest_drive_robust.engine.messages import refusal
 from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
+from pytest_drive_robust.errors import UsageError
 
 _READY_S = 600.0
 """Kernels may have to be compiled first."""
@@ -51,10 +52,14 @@ class ForkServer:
     It `is_ready` when workers can be started for some agents or all. On Linux workers are forked. Elsewhere, and where
     a plugin starts threads while it is imported, forking a process that has loaded numerical libraries is not safe, and
     each worker is a new Python. `platform_check` is for systems without either.
+
+    `check_loaded` is called when the server has loaded everything, and raises `UsageError` where that is not what was
+    asked for.
     """
 
-    def __init__(self, worker_setup: WorkerSetup) -> None:
+    def __init__(self, worker_setup: WorkerSetup, check_loaded: Callable[[], None] = lambda: None) -> None:
         self._setup = worker_setup
+        self._check_loaded = check_loaded
         self._lock = threading.Lock()
         self._process: subprocess.Popen[bytes] | None = None
         self._control: socket.socket | None = None
@@ -121,6 +126,11 @@ class ForkServer:
             forks = self._launch(unwanted)
         if forks is None:
             raise NoWorkerError("the process that starts all others died while it was getting ready.")
+        try:
+            self._check_loaded()
+        except UsageError:
+            self._stop()
+            raise
         self.is_ready = True
 
     def _launch(self, unwanted: Callable[[], bool]) -> bool | None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 class ProcessExecutor(LocalExecutor):
     """Drives in `slots` worker processes, which live until the run ends or an episode breaks them.
 
-    No process is started, and `worker_setup` not called, before the first episode.
+    No process is started, and `worker_setup` not called, before the first episode. `check_loaded`: see `ForkServer`.
     """
 
     def __init__(
@@ -28,6 +28,7 @@ class ProcessExecutor(LocalExecutor):
         slots: int,
         width: int | None = None,
         shares: Callable[[str], bool] = lambda agent: False,
+        check_loaded: Callable[[], None] = lambda: None,
     ) -> None:
         self._fork_server: ForkServer | None = None
         self._supervisors: list[Supervisor] = []
@@ -38,7 +39,7 @@ class ProcessExecutor(LocalExecutor):
 
             setup = worker_setup()
             agents = sorted(setup.preload_agents, key=lambda name: name != agent)  # compiled for the first one first
-            self._fork_server = server = ForkServer(replace(setup, preload_agents=tuple(agents)))
+            self._fork_server = server = ForkServer(replace(setup, preload_agents=tuple(agents)), check_loaded)
             self._supervisors = [Supervisor(server, limits) for _ in range(slots)]
             return self._supervisors
 

@@ -19,6 +19,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.store.reuse import NO_MEMORY
 
 _Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
 _SALVAGE_S = 600.0
@@ -132,7 +133,9 @@ class Supervisor:
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
         """Tell a crash for lack of memory from others: another limit gives another result."""
         limit = self._limits.memory_bytes
-        if limit is None or result.end is not End.AGENT_CRASHED or "MemoryError" not in result.end_detail:
+        if limit is None or result.end is not End.AGENT_CRASHED:
+            return result
+        if not any(words in result.end_detail for words in NO_MEMORY):
             return result
         detail = f"{result.end_detail}; its process may allocate {limit / 1e6:.0f} MB"
         return replace(result, end=End.AGENT_CRASHED_HARD, end_detail=detail)

@@ -140,7 +140,7 @@ def backend_for(
         lockstep=execution.lockstep is not None,
         is_stored=lambda key: store.get(key) is not None,
     )
-    return scopes, _executor(config, options, execution, agents=lambda: scopes.agents, ticked=ticked)
+    return scopes, _executor(config, options, execution, scopes=scopes, ticked=ticked)
 
 
 def _external_backend(
@@ -188,10 +188,10 @@ def _executor(
     options: RunOptions,
     execution: ExecutionOptions,
     *,
-    agents: Callable[[], tuple[str, ...]],
+    scopes: Scopes,
     ticked: Callable[[], object],
 ) -> Executor:
-    """Return the executor that was asked for; `agents()` are those of the plan, asked for at the first episode."""
+    """Return the executor that was asked for; `scopes` know the agents of the plan at the first episode."""
     world = simulator_options(options)
     if execution.executor == "inline":
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
@@ -207,12 +207,12 @@ def _executor(
     def worker_setup() -> WorkerSetup:
         """Return how a fresh process comes to know the names that this one knows."""
         return WorkerSetup(
-            python_path=tuple(sys.path),
+            python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
             folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
             plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
             simulator=options.simulator,
             options=world,
-            preload_agents=agents(),
+            preload_agents=scopes.agents,
         )
 
     if execution.executor == "ray":
@@ -227,6 +227,7 @@ def _executor(
         slots=execution.slots(shared=is_worker(config)),
         width=execution.lockstep,
         shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
+        check_loaded=scopes.require_unchanged_code if options.store != "off" else lambda: None,
     )
 
 

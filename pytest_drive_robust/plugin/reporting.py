@@ -36,6 +36,7 @@ class ReportingPlugin:
         self._header = header
         self._ran = False
         self._broke = False
+        self._interrupted = False
         self._deselected = False
         self._ended: set[str] = set()
         self._unheeded: list[str] = []
@@ -78,6 +79,10 @@ class ReportingPlugin:
             return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
         return None
 
+    def pytest_keyboard_interrupt(self) -> None:
+        """Note Ctrl-C, and a `pytest.exit`, which may end the run with any exit code."""
+        self._interrupted = True
+
     def pytest_internalerror(self) -> None:
         """Note that pytest itself broke; of that in a worker, pytest-xdist may lose a test and end with 0."""
         self._broke = True
@@ -93,7 +98,7 @@ class ReportingPlugin:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:
                 self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
-            whole = not self._deselected and every_test_ran(session)
+            whole = not (self._deselected or early) and every_test_ran(session)
             problem = self._outputs.finish(whole=whole, ended_early=bool(early), advice=self._advice(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
@@ -110,7 +115,7 @@ class ReportingPlugin:
         """Return in what way the run ended before all its tests had, as `-x` and Ctrl-C end it; empty otherwise."""
         if len(self._ended) >= session.testscollected:
             return ""
-        if session.exitstatus == pytest.ExitCode.INTERRUPTED:
+        if self._interrupted:
             return "was interrupted"
         return "ended early" if session.shouldstop or session.shouldfail else ""
 

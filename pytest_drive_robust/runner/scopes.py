@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cached_property
@@ -16,7 +17,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
-from pytest_drive_robust.runner.cache_key.source_files import files_of
+from pytest_drive_robust.runner.cache_key.source_files import files_of, python_files, source_digest
 from pytest_drive_robust.runner.episode.machine import library_versions
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
@@ -85,6 +86,8 @@ class Scopes:
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._identities: dict[str, str] = {}
         self._weights: dict[str, _States] = {}  # states of their files, by agent
+        self._sources: dict[str, str] = {}  # digests of their code, by agent
+        self._began_s = time.time()
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -125,9 +128,29 @@ class Scopes:
             )
         self._weights[agent] = states  # only written once more
 
+    def require_unchanged_code(self) -> None:
+        """Raise `UsageError` where a Python file of an agent was edited after its keys were made.
+
+        To be asked when processes have loaded it: what is edited afterwards is not what they drive. What else lies in
+        its package, an agent may write itself.
+        """
+        for agent, digest in tuple(self._sources.items()):
+            factory = self._factory(agent)
+            if source_digest(factory) == digest:
+                continue
+            edited = [file for file in python_files(factory) if os.stat(file).st_mtime > self._began_s]
+            if edited:
+                raise UsageError(
+                    f"{edited[0]}, a file of the agent {agent!r}, changed after the tests were collected, when its "
+                    "stored episodes were looked for by their content. Run again, and let nobody edit it before the "
+                    "first episode begins."
+                )
+
     def identify(self, scope: Scope) -> Identified:
         """Return what its agent and its routes are made of. Raises `UsageError` for weights that do not read."""
-        return identify(scope, self._registry)
+        identified = identify(scope, self._registry)
+        self._sources[scope.agent] = identified.source
+        return identified
 
     def check(self, marked: MarkerOptions | None = None) -> None:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used.

@@ -51,13 +51,18 @@ class Damage:
     later_version: bool = False
     unread: bool = False
 
+    @property
+    def is_certain(self) -> bool:
+        """True where nothing can use the record: it was read, and is of no later version."""
+        return not (self.later_version or self.unread)
+
 
 @dataclass(frozen=True, slots=True)
 class Swept:
     """What went, or would go: how many files of each kind, and how many bytes they took. `problems`: what did not."""
 
     records: int
-    set_aside: int
+    damaged: int
     leftovers: int
     size_bytes: int
     problems: tuple[str, ...] = ()
@@ -94,7 +99,7 @@ def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
     """
     files = RecordFiles(folder)
     found = (_damage(files, damage.key) for damage in damages)
-    damaged = [damage for damage in found if damage is not None and not (damage.later_version or damage.unread)]
+    damaged = [damage for damage in found if damage is not None and damage.is_certain]
     return sum(files.set_aside(damage.key) is not None for damage in damaged)
 
 
@@ -119,9 +124,9 @@ def _damage(files: RecordFiles, key: str) -> Damage | None:
 def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[str] = (), dry: bool = False) -> Swept:
     """Remove what no run will read, and what was asked for.
 
-    Always: records that were set aside, those whose end no other run may reuse, and what writers left that died. With
-    `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only where
-    both hold). Records that a living process has claimed, or replaced meanwhile, stay. `dry` removes nothing.
+    Always: damaged records, set aside or not, those whose end no other run may reuse, and what writers left that died.
+    With `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only
+    where both hold). Records that a living process has claimed, or replaced meanwhile, stay. `dry` removes nothing.
     """
     files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
     now_s = _now_s(folder)
@@ -134,21 +139,25 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
         return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
 
     states = {key: files.state(key) for key in files.all_keys()}  # before the index reads them
-    records = [files.path(row.key) for row in indexed_episodes(files) if not row.problem and goes(row)]
+    rows = indexed_episodes(files)
+    records = [files.path(row.key) for row in rows if not row.problem and goes(row)]
+    found = [_damage(files, row.key) for row in rows if row.problem]
+    damaged = [damage.path for damage in found if damage is not None and damage.is_certain]
     aside = _set_aside(folder)
     halves = [path for ours in _TEMPORARY for path in folder.glob(ours) if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
-    sizes = {path: _size(path) for path in (*records, *aside, *halves)}
+    sizes = {path: _size(path) for path in (*records, *damaged, *aside, *halves)}
     problems: list[str] = []
     if not dry:
-        for path in (*records, *locks):  # a lock that nobody holds goes with its release
+        for path in (*records, *damaged, *locks):  # a lock that nobody holds goes with its release
             problems += _remove_unclaimed(path, claims, files, states.get(path.stem))
         for path in (*aside, *halves):
             problems += _remove(path)
-    went = [[path for path in paths if dry or not path.exists()] for paths in (records, aside, halves, locks)]
-    counts = [len(paths) for paths in went]
+    kinds = (records, damaged + aside, halves + locks)
+    went = [[path for path in paths if dry or not path.exists()] for paths in kinds]
     size = sum(sizes.get(path, 0) for paths in went for path in paths)
-    return Swept(counts[0], counts[1], counts[2] + counts[3], size, tuple(problems))
+    counts = [len(paths) for paths in went]
+    return Swept(counts[0], counts[1], counts[2], size, tuple(problems))
 
 
 def _remove_unclaimed(path: Path, claims: Claims, files: RecordFiles, state: FileState | None) -> list[str]:

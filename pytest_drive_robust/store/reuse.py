@@ -5,8 +5,17 @@ from __future__ import annotations
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 
-RAN_OUT = ("MemoryError", "out of memory", "No space left on device")
-"""In the words of Python, torch, CUDA and the system."""
+NO_MEMORY = ("MemoryError", "Cannot allocate memory", "Insufficient memory")
+"""In the words of Python, the system (torch repeats them) and OpenCV."""
+RAN_OUT = (
+    *NO_MEMORY,
+    "out of memory",
+    "Out of memory",
+    "STATUS_ALLOC_FAILED",
+    "No space left on device",
+    "Disk quota exceeded",
+)
+"""Of a GPU in the words of CUDA, JAX, cuBLAS and cuDNN; of a disk in those of the system."""
 
 
 def is_reusable(result: EpisodeResult) -> bool:

@@ -166,6 +166,13 @@ def test_an_agent_that_only_this_process_can_import_is_a_usage_error_with_advice
     assert "does not load: ImportError: only where pytest runs" in text
 
 
+def test_a_path_that_python_itself_passes_over_is_passed_over(suite, driven):
+    folder = suite("DS under clean >= 90", conftest="import sys\nsys.path.append(Path())\n")
+    result = folder.runpytest_subprocess(*PROCESSES, "-p", "no:hypothesispytest")  # which stumbles over it at the end
+    assert result.ret == 0
+    assert driven() == ["1 0", "2 0", "3 0"]
+
+
 @pytest.mark.parametrize(
     ("severity", "said"),
     [("", "--drive-executor inline"), ("lock: object = field(default_factory=threading.Lock)", "expected a number")],

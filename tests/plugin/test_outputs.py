@@ -184,8 +184,9 @@ def test_an_end_of_an_interval_that_is_not_there_is_no_junit_property(suite):
     assert '"inf"' not in text
 
 
-def test_a_run_that_was_interrupted_says_so(suite, monkeypatch):
-    folder = suite("DS under clean >= 1", test="\n\ndef test_ctrl_c():\n    raise KeyboardInterrupt\n")
+@pytest.mark.parametrize("deed", ["raise KeyboardInterrupt", "pytest.exit('enough', returncode=0)"])
+def test_a_run_that_was_interrupted_says_so(suite, monkeypatch, deed):
+    folder = suite("DS under clean >= 1", test=f"\n\ndef test_ctrl_c():\n    {deed}\n")
     monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(folder.path / "summary.md"))
     folder.runpytest_subprocess("--drive-robust", "--drive-verdict", "point", "--drive-json", "run.json")
     (note,) = json.loads((folder.path / "run.json").read_text())["notes"]

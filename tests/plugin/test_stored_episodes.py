@@ -240,6 +240,26 @@ def test_weights_that_a_fixture_writes_take_no_episodes_of_others(suite, driven,
         assert len(driven()) == 3, "the first run drove them, the second one none"
 
 
+EDITING = """
+from pathlib import Path
+
+CODE = Path(__file__).with_name("edited.py")
+
+
+def test_that_edits():
+    CODE.write_text(CODE.read_text().replace("1.0", "0.3"))
+"""
+
+
+def test_code_that_was_edited_before_it_is_loaded_drives_nothing_under_the_key_of_what_it_was(rerun):
+    folder, asked = rerun.folder, ("--drive-executor", "processes", "--drive-agent", "edited:own")
+    folder.makepyfile(edited=AGENT, test_a=EDITING)
+    result = folder.runpytest_subprocess("--drive-robust", *asked, "test_a.py", "test_suite.py")
+    result.assert_outcomes(passed=1, errors=2)
+    result.stdout.fnmatch_lines(["*edited.py, a file of the agent 'edited:own', changed after the tests *"])
+    assert statistics(folder.path / ".drive-robust").records == 0
+
+
 @pytest.mark.parametrize("named", ["learned.txt", "."], ids=["a file", "a folder"])
 def test_what_was_driven_with_other_weights_than_its_key_says_is_not_stored(suite, driven, named):
     folder = suite("DS under clean >= 60", conftest=f"{RETRAINED}\n\nLearning.weights = {named!r}\n")

@@ -64,6 +64,15 @@ def source_digest(factory: object) -> str:
         return ""
 
 
+def python_files(factory: object) -> list[Path]:
+    """Return the Python files that `source_digest` reads, sorted; none when the code is not known."""
+    try:
+        walk = _Walk(file_of(factory), str(getattr(factory, "__module__", "")))
+    except UnknownSourceError:
+        return []
+    return sorted(path for path in walk.files if path.suffix == ".py")
+
+
 def imported_versions(target: object) -> dict[str, str]:
     """Return the versions of Python and of what the code of a class or function imports, by module.
 
@@ -201,7 +210,7 @@ class _Walk:
         self._found: dict[str, str] = {}
         self._installed: dict[str, str] = {}  # versions
         self._tops: set[str] = set()
-        self._files: set[Path] = set()
+        self.files: set[Path] = set()
         self._folders: set[Path] = set()
         self._find = functools.cache(_find)  # many files import the same few
         folder = _package_folder(file, module)
@@ -233,9 +242,9 @@ class _Walk:
                     self._add_file(path, path.relative_to(folder.parent).as_posix())
 
     def _add_file(self, path: Path, name: str) -> None:
-        if path in self._files:
+        if path in self.files:
             return
-        self._files.add(path)
+        self.files.add(path)
         try:
             content = path.read_bytes()
         except OSError as error:  # in a zip file, or not allowed

@@ -50,11 +50,38 @@ def test_what_is_missing_is_looked_for_again_each_time(tmp_path):
         (make_result(end=End.AGENT_CRASHED, end_detail="act raised ValueError: no lane (mine.py:3 in act)"), True),
         (make_result(end=End.AGENT_CRASHED, end_detail="act raised MemoryError"), False),
         (
+            make_result(
+                end=End.AGENT_CRASHED,
+                end_detail="act raised RuntimeError: DefaultCPUAllocator: can't allocate memory: you tried to allocate "
+                "4096 bytes. Error code 12 (Cannot allocate memory)",
+            ),
+            False,
+        ),
+        (
+            make_result(
+                end=End.AGENT_CRASHED,
+                end_detail="act raised cv2.error: error: (-4:Insufficient memory) Failed to allocate 4096 bytes in "
+                "function 'OutOfMemoryError'",
+            ),
+            False,
+        ),
+        (
             make_result(end=End.AGENT_CRASHED, end_detail="torch.OutOfMemoryError: CUDA out of memory"),
             False,
         ),
         (
+            make_result(
+                end=End.AGENT_CRASHED,
+                end_detail="act raised RuntimeError: CUDA error: CUBLAS_STATUS_ALLOC_FAILED when calling cublasCreate",
+            ),
+            False,
+        ),
+        (
             make_result(end=End.AGENT_CRASHED, end_detail="OSError: [Errno 28] No space left on device"),
+            False,
+        ),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="OSError: [Errno 122] Disk quota exceeded"),
             False,
         ),
         (make_result(end=End.TICK_CAP), True),
@@ -62,7 +89,21 @@ def test_what_is_missing_is_looked_for_again_each_time(tmp_path):
         (TIMED_OUT, False),
         (OURS, False),
     ],
-    ids=["completed", "explained", "memory", "memory of a GPU", "disk", "failed", "raised", "timed out", "our fault"],
+    ids=[
+        "completed",
+        "explained",
+        "memory",
+        "memory by torch",
+        "memory by OpenCV",
+        "memory of a GPU",
+        "memory by cuBLAS",
+        "disk",
+        "quota",
+        "failed",
+        "raised",
+        "timed out",
+        "our fault",
+    ],
 )
 def test_what_another_run_drove_counts_when_driving_again_would_give_the_same(result, reused, tmp_path):
     assert is_reusable(result) is reused

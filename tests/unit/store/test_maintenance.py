@@ -95,7 +95,7 @@ def test_sweeping_removes_what_no_run_reads_and_keeps_the_rest(store):
     size = files.path("bb02").stat().st_size
     for dry in (True, False):
         swept = sweep(store.folder, dry=dry)
-        assert (swept.records, swept.set_aside, swept.leftovers, swept.size_bytes) == (1, 1, 1, size + 8)
+        assert (swept.records, swept.damaged, swept.leftovers, swept.size_bytes) == (1, 1, 1, size + 8)
     assert [path.name for path in sorted(store.folder.glob("episodes/*/*"))] == [
         ".aa06-1-x.tmp",
         "aa01.episode",
@@ -170,6 +170,19 @@ def test_a_record_of_a_later_version_is_not_set_aside(store, monkeypatch):
     assert [(damage.key, damage.later_version) for damage in damages] == [("aa01", False), ("aa02", True)]
     assert set_aside(store.folder, damages) == 1
     assert [files.path(key).is_file() for key in ("aa01", "aa02")] == [False, True]
+
+
+def test_sweeping_removes_damaged_records_that_no_run_met_and_none_of_a_later_version(store, monkeypatch):
+    files = RecordFiles(store.folder)
+    with monkeypatch.context() as later:
+        later.setattr(record, "FORMAT_VERSION", 9)
+        store.put("aa02", make_result())
+    files.path("aa01").write_bytes(b"12345")
+    for dry in (True, False):
+        swept = sweep(store.folder, dry=dry)
+        assert (swept.records, swept.damaged, swept.size_bytes) == (0, 1, 5)
+        assert files.path("aa01").is_file() is dry
+    assert [damage.key for damage in verify(store.folder)[1]] == ["aa02"]
 
 
 def test_a_record_that_a_run_has_replaced_since_it_was_found_damaged_is_not_set_aside(store):
