@@ -5,11 +5,11 @@ from __future__ import annotations
 import traceback
 from bdb import BdbQuit
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 
-from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath
+from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, is_privileged
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.route import GlobalPlan
@@ -57,7 +57,8 @@ def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
 
 def agent_consumes(agent: Agent) -> tuple[str, ...]:
     """Return the signals that the agent declares to use, sorted. Raises `AgentError`."""
-    given = getattr(agent, "consumes", SIGNALS)
+    with _blamed("consumes"):
+        given = getattr(agent, "consumes", SIGNALS)
     if isinstance(given, str) or not isinstance(given, Iterable):
         raise AgentError(f"consumes is {_shown(given)}, expected a set of names out of {', '.join(sorted(SIGNALS))}")
     with _blamed("consumes"):
@@ -69,6 +70,12 @@ def agent_consumes(agent: Agent) -> tuple[str, ...]:
                 f"consumes has {_shown(name)}, which is no signal.{hint} There are {', '.join(sorted(SIGNALS))}"
             )
     return tuple(sorted(named))
+
+
+def agent_privileged(agent: Agent) -> bool:
+    """Return whether the agent asks for ground truth. Raises `AgentError`."""
+    with _blamed("privileged"):
+        return is_privileged(agent)
 
 
 def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
@@ -132,8 +139,18 @@ def _checked(control: object, call: str) -> Control:
 
 def blame(call: str, error: BaseException, verb: str = "raised") -> str:
     """Return a sentence such as `"act raised ZeroDivisionError: division by zero (my_agent.py:12 in act)"`."""
-    last_line = traceback.format_exception_only(type(error), error)[-1].strip()
-    return f"{call} {verb} {_cut(last_line)}{_place(error)}"
+    return f"{call} {verb} {_cut(_in_words(error))}{_place(error)}"
+
+
+def _in_words(error: BaseException) -> str:
+    """Return the last line of its traceback, what was noted beside it, and the errors that a group holds."""
+    told = traceback.TracebackException(type(error), error, None, compact=True)
+    told.__notes__ = None  # type: ignore[attr-defined]  # they would be the last lines
+    words = [[*told.format_exception_only()][-1].strip(), *getattr(error, "__notes__", ())]
+    held = getattr(error, "exceptions", ())
+    if isinstance(held, tuple) and all(isinstance(one, BaseException) for one in held):
+        words += map(_in_words, held)
+    return "; ".join(words)
 
 
 def _shown(value: object) -> str:
@@ -170,8 +187,9 @@ def _place(error: BaseException) -> str:
     if not frames:
         return ""
     frame, line = [found for found, package in zip(frames, packages, strict=True) if package == packages[0]][-1]
-    path = Path(frame.f_code.co_filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    shown = Path(frame.f_code.co_filename)
+    with suppress(ValueError, OSError):  # it lies elsewhere, or the agent has removed the current folder
+        shown = shown.relative_to(Path.cwd())
     return f" ({shown}:{line} in {frame.f_code.co_name})"
 
 

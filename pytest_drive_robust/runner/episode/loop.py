@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pytest_drive_robust.domain.agent import Agent, is_privileged
+from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
@@ -22,7 +22,14 @@ from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, PerturbationError, SimulationError
 from pytest_drive_robust.perturbations.base import RunningStack, Setting
-from pytest_drive_robust.runner.episode.contract import agent_act, agent_cameras, agent_consumes, agent_reset, blame
+from pytest_drive_robust.runner.episode.contract import (
+    agent_act,
+    agent_cameras,
+    agent_consumes,
+    agent_privileged,
+    agent_reset,
+    blame,
+)
 from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
 from pytest_drive_robust.runner.episode.witness import Witness
 from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
@@ -168,7 +175,7 @@ class RunningEpisode:
         if not 0.0 < self.simulator.dt_s < math.inf:
             raise SimulationError(f"dt_s is {self.simulator.dt_s!r}, expected the seconds of a tick, above 0")
         self._enter("reset")
-        self.privileged = is_privileged(self.agent)
+        self.privileged = agent_privileged(self.agent)
         cameras = agent_cameras(self.agent, self.simulator.dt_s)
         consumes = agent_consumes(self.agent)
         self._watch.equip(cameras, consumes, privileged=self.privileged)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import builtins
 import math
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -34,6 +37,7 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.store.record import decode_episode, encode_episode
+from pytest_drive_robust.store.reuse import is_reusable
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 
 CAMERA = CameraSpec("front", width_px=16, height_px=9)
@@ -336,6 +340,47 @@ def test_an_agent_that_fails_in_reset_has_driven_nothing() -> None:
     result = drive(Forgetful([FULL]))
     assert (result.outcome, result.ticks, result.trace.rows.shape) == (Outcome.AGENT_ERROR, 0, (0, 11))
     assert result.end_detail.startswith("reset raised KeyError: 'weights'")
+
+
+def test_the_folder_that_an_agent_removed_does_not_hide_what_it_raised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def leave() -> object:
+        gone = tmp_path / "gone"
+        gone.mkdir()
+        os.chdir(gone)
+        gone.rmdir()
+        raise ValueError("no map")
+
+    monkeypatch.chdir(tmp_path)
+    result = drive(after_a_while(leave))
+    assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
+    assert result.end_detail.startswith("act raised ValueError: no map (")
+
+
+@pytest.mark.skipif(sys.version_info < (3, 11), reason="exceptions have neither notes nor groups")
+def test_notes_and_groups_do_not_hide_what_an_agent_raised() -> None:
+    def tasks() -> object:
+        shortage = MemoryError("x")
+        shortage.add_note("while planning")  # type: ignore[attr-defined]
+        raise builtins.ExceptionGroup("tasks", [shortage, KeyError("map")])  # type: ignore[attr-defined]
+
+    result = drive(after_a_while(tasks))
+    told = "act raised ExceptionGroup: tasks (2 sub-exceptions); MemoryError: x; while planning; KeyError: 'map' ("
+    assert result.end_detail.startswith(told)
+    assert not is_reusable(result)
+
+
+@pytest.mark.parametrize("attribute", ["consumes", "privileged"])
+def test_an_agent_is_to_blame_for_what_its_attributes_raise(attribute: str) -> None:
+    def unread(self: object) -> object:
+        raise OSError("no such sensor")
+
+    passed_over = property(unread, lambda self, given: None)
+    agent = type("Broken", (ScriptedAgent,), {attribute: passed_over})([FULL])
+    result = drive(agent)
+    assert (result.outcome, result.end) == (Outcome.AGENT_ERROR, End.AGENT_CRASHED)
+    assert result.end_detail.startswith(f"{attribute} raised OSError: no such sensor (")
 
 
 @pytest.mark.parametrize(
