@@ -297,6 +297,13 @@ def test_failures_are_told_as_shares_of_what_each_agent_drove_under_each_setting
     assert "driver" in page.locator("table.tall tbody tr:nth-child(2) td").nth(1).inner_text()
 
 
+def test_failures_stand_under_the_agent_that_was_driven_later_and_comes_first_by_name(opened, tmp_path):
+    driven = [make_result("101", agent="zoe"), make_result("101", agent="amy", infractions=HIT)]
+    page = opened(report_of(tmp_path, *driven)).go("#/failures")
+    assert page.locator("th.group").all_inner_texts() == ["amy", "zoe"]
+    assert page.locator("tr.driven td.number").all_text_contents() == ["1 of 2", "1 of 1", "0 of 1"]
+
+
 @pytest.mark.parametrize("ticks", [40, 41])
 def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, tmp_path, ticks):
     report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
