@@ -641,6 +641,14 @@ def test_nothing_of_a_run_becomes_markup_or_script(opened, tmp_path):
     assert evil in page.locator("main").inner_text()
 
 
+def test_a_name_that_is_no_unicode_has_its_links_too(opened, tmp_path):
+    report = opened(odd_report(tmp_path, "\ud83d half"))
+    page = report.go("#/episodes")
+    report.follow(page.locator("table.episodes th a").first)
+    page.wait_for_selector("canvas")
+    assert r"\ud83d half" in page.locator("main").inner_text()
+
+
 def test_the_policy_lets_no_other_script_in(browser, reports):
     page = browser.new_page()
     page.goto((reports / "now" / "index.html").as_uri())
