@@ -410,6 +410,12 @@ def test_an_error_says_why_and_lists_what_broke(opened, tmp_path):
     assert page.locator("table.episodes .story").all_inner_texts() == [
         "simulation crashed at 2.0 s (the server went away)"
     ]
+    report.follow(page.locator("table.episodes th a"))
+    assert page.locator("table.facts tr", has_text="route completed").inner_text().split() == [
+        "route",
+        "completed",
+        "\u2013",
+    ]
 
 
 def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
