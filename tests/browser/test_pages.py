@@ -15,6 +15,7 @@ import pytest
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
 from result_factory import crashed_simulation, infraction, make_result, scored, trace_of
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
@@ -24,6 +25,7 @@ from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.comparison import conclusion
+from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.numbers import shown_beside
@@ -653,6 +655,14 @@ def test_a_name_that_is_no_unicode_has_its_links_too(opened, tmp_path):
     report.follow(page.locator("table.episodes th a").first)
     page.wait_for_selector("canvas")
     assert r"\ud83d half" in page.locator("main").inner_text()
+
+
+def test_the_command_of_an_odd_name_is_that_of_the_terminal(opened, tmp_path):
+    odd = "it's \"$odd`\\!x"
+    report = opened(odd_report(tmp_path, odd))
+    page = report.follow(report.go("#/episodes").locator("table.episodes th a").first)
+    episode = Episode(odd, "101", "clean", 0)
+    assert page.locator("main code").inner_text() == replay_command(episode, RunOptions(), routes_spec=odd)
 
 
 def test_the_policy_lets_no_other_script_in(browser, reports):

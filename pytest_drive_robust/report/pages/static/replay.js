@@ -101,8 +101,10 @@ driveRobust.views.set("episode", (() => {
     return words.map((word) => quoted(String(word))).join(" ");
   }
 
+  /* As the line in the terminal is quoted (report/failure.py). */
   function quoted(word) {
-    return /^[\w@%+=:,./-]+$/.test(word) ? word : `"${word.replace(/["\\$`]/g, "\\$&")}"`;
+    if (/^[\w@%+=:,./-]+$/.test(word)) return word;
+    return /["\\$`!]/.test(word) ? `'${word.replace(/'/g, `'"'"'`)}'` : `"${word}"`;
   }
 
   function titleOf(item, episode) {
