@@ -168,8 +168,8 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
-    """Drive both episodes, one after the other, with the same simulator and agent."""
-    settings = (wanted.setting,) if wanted.setting.is_clean else (wanted.setting.baseline, wanted.setting)
+    """Drive both episodes, one after the other, with the same simulator and agent; a baseline alone."""
+    settings = dict.fromkeys((wanted.setting.baseline, wanted.setting))
     episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
     with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
         agent = make_agent(registry, wanted.agent)
@@ -278,9 +278,9 @@ def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], N
 def _print_result(result: EpisodeResult) -> None:
     """Print one paragraph: outcome, score, end, and every infraction with its second."""
     scored = result.outcome is not Outcome.INFRA_ERROR
-    score = f"DS {driving_score(result):.1f}" if scored else "not scored"
+    way = f"{result.route_completion_pct:.1f} % of {result.route_length_m:.0f} m"
     print(f"{result.episode} ({result.scenario})")
-    print(f"  {result.outcome.value}: {score}, {result.route_completion_pct:.1f} % of {result.route_length_m:.0f} m")
+    print(f"  {result.outcome.value}: {f'DS {driving_score(result):.1f}, {way}' if scored else 'not scored'}")
     print(f"  ended after {result.game_s:.2f} s ({result.wall_s:.2f} s on the clock): {result.end_detail}")
     for infraction in result.infractions:
         print(f"  {infraction.tick * result.dt_s:7.2f} s  {infraction.kind.value}: {infraction.detail}")

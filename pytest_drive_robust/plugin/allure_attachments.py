@@ -14,15 +14,26 @@ import pytest
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.failure import replay_command, worst_episode
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.report.plots import scores_svg, speeds_svg
 from pytest_drive_robust.runner.campaign import Judgement
 
 
-def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> None:
+def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> str:
     """Attach what there is to see to the current test, where allure-pytest writes a report.
 
-    The film is what the replay line of the failure writes, in a process of its own; there is none where others drive.
+    Returns what is missing there and why, as a line of the failure, or nothing: no picture takes the place of a
+    verdict.
     """
+    try:
+        _attach(config, judgement, options, routes_spec=routes_spec)
+    except Exception as error:
+        return f"\n  allure:  not all was attached: {type(error).__name__}: {error}"
+    return ""
+
+
+def _attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> None:
+    """Attach plots and the film: what the replay line writes, in a process of its own; none where others drive."""
     if not config.getoption("allure_report_dir", None) or not judgement.verdict.worst:
         return
     import allure  # here: an optional plugin
@@ -30,14 +41,14 @@ def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, 
     put: Any = allure.attach  # without types in most versions
     kinds: Any = allure.attachment_type
     verdict, worst = judgement.verdict, judgement.verdict.worst[0]
-    place = (worst.route_id, worst.seed)
+    place, route = (worst.route_id, worst.seed), legible(worst.route_id)
     clean, perturbed = (
         {route_and_seed(result): result for result in results} for results in (judgement.clean, judgement.perturbed)
     )
     if clean:
         put(scores_svg(judgement.clean, judgement.perturbed), "driving scores", kinds.SVG)
     if place in clean:
-        put(speeds_svg(clean[place], perturbed[place]), f"speed on {worst.route_id}", kinds.SVG)
+        put(speeds_svg(clean[place], perturbed[place]), f"speed on {route}", kinds.SVG)
     if options.is_external:
         return
     command = replay_command(worst_episode(verdict), options, routes_spec=routes_spec)
@@ -53,5 +64,5 @@ def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, 
         )
         for film in sorted(Path(folder).iterdir()):
             kind = kinds.MP4 if film.suffix == ".mp4" else kinds.PNG
-            put.file(film, f"film of {worst.route_id}", kind)
+            put.file(film, f"film of {route}", kind)
         put(told.stdout + told.stderr, "replay", kinds.TEXT)

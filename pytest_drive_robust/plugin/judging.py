@@ -255,11 +255,11 @@ class Drive:
         if waiver is not None and waiver.holds:
             self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
             return
-        attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
+        missing = attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
         place = place_of(self._item, verdict.requirement)
         stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
         reach = self._reach(verdict.requirement)
-        error = BrokenRequirementError(self._text(judgement) + legible(reach) + stated, verdict)
+        error = BrokenRequirementError(self._text(judgement) + legible(reach + missing) + stated, verdict)
         self._item.stash.setdefault(RAISED, []).append(error)
         raise error
 

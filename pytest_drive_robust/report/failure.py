@@ -51,16 +51,19 @@ def _headline(verdict: Verdict) -> list[str]:
     """Return value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
     requirement = verdict.requirement
     metric = requirement.metric.name
-    value = f"{metric} under {requirement.setting} = {shown_beside(metric, verdict.value, requirement.limit)}"
-    limit = f"limit {requirement.comparison} {requirement.metric.format_limit(requirement.limit)}"
+    what = f"{metric} under {requirement.setting}"
+    value = f" = {shown_beside(metric, verdict.value, requirement.limit)}"
+    value += f", limit {requirement.comparison} {requirement.metric.format_limit(requirement.limit)}"
     sure = confidence(verdict.verdict_rule.kind, verdict.verdict_rule.alpha)
     interval = interval_text(metric, verdict.low, verdict.high, confidence=sure)
     routes = counted(verdict.routes, "route")
     if verdict.routes < verdict.planned:
         routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"
     counts = f"{routes} x {counted(verdict.seeds, 'seed')}"
-    line = f"{value}, {limit}   ({interval}, {counts})"
-    return [line] if len(line) <= WIDTH else [cut(f"{value}, {limit}"), f"  ({interval}, {counts})"]
+    line = f"{what}{value}   ({interval}, {counts})"
+    if len(line) <= WIDTH:
+        return [line]
+    return [cut(what, WIDTH - len(value)) + value, f"  ({interval}, {counts})"]  # of a long stack no number is cut
 
 
 def _promise(verdict: Verdict) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -116,8 +117,8 @@ def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Return the text as one line, in which nothing ends a cell, begins a tag, calls a user or is a star."""
+    """Return the text as one line, in which nothing ends a cell, begins a tag, calls a user or is markup."""
     text = " ".join(text.split())
-    for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("@", "&#64;"), ("|", "\\|")):
+    for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("@", "&#64;")):
         text = text.replace(sign, written)
-    return text if text.startswith("**") else text.replace("*", "\\*")
+    return text if text.startswith("**") else re.sub(r"[\\|*_`\[]", r"\\\g<0>", text)

@@ -8,6 +8,7 @@ from html import escape
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.verdict.explain import infraction_s
 
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
@@ -28,7 +29,7 @@ def scores_svg(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult
     marks = [_path([(0.0, 0.0), (100.0, 100.0)], (100.0, 100.0), "#bbb")]
     for x, y, route_id in pairs:
         across, down = _place((x, y), (100.0, 100.0))
-        title = f"<title>{escape(route_id)}: {x:.1f} clean, {y:.1f}</title>"
+        title = f"<title>{_text(route_id)}: {x:.1f} clean, {y:.1f}</title>"
         colour = _PERTURBED if y < x else _CLEAN
         marks.append(f'<circle cx="{across}" cy="{down}" r="4" fill="{colour}" fill-opacity="0.6">{title}</circle>')
     return _chart("driving score by route: clean across, perturbed up", marks, (100.0, 100.0))
@@ -43,7 +44,7 @@ def speeds_svg(clean: EpisodeResult, perturbed: EpisodeResult) -> str:
     most = (max(clean.game_s, perturbed.game_s, 1.0), max(1.0, *(speed for curve in curves for _, speed in curve)))
     marks = [_path(curve, most, colour) for curve, colour in zip(curves, (_CLEAN, _PERTURBED), strict=True)]
     marks += [
-        _path([(second, 0.0), (second, most[1])], most, "#c2255c", escape(item.detail))
+        _path([(second, 0.0), (second, most[1])], most, "#c2255c", _text(item.detail))
         for item in perturbed.infractions
         if (second := infraction_s(item, perturbed.dt_s)) is not None
     ]
@@ -55,7 +56,7 @@ def _chart(title: str, marks: Iterable[str], most: tuple[float, float]) -> str:
     frame = f'<rect x="{_LEFT}" y="{_TOP}" width="{_WIDTH}" height="{_HEIGHT}" fill="none" stroke="#999"/>'
     bottom = _TOP + _HEIGHT
     words = [
-        (_LEFT, 18, "start", escape(title)),
+        (_LEFT, 18, "start", _text(title)),
         (_LEFT - 6, bottom, "end", "0"),
         (_LEFT - 6, _TOP + 10, "end", f"{most[1]:.4g}"),
         (_LEFT + _WIDTH, bottom + 16, "end", f"{most[0]:.4g}"),
@@ -63,6 +64,11 @@ def _chart(title: str, marks: Iterable[str], most: tuple[float, float]) -> str:
     texts = "".join(f'<text x="{x}" y="{y}" text-anchor="{anchor}">{word}</text>' for x, y, anchor, word in words)
     size = f'viewBox="0 0 {_LEFT + _WIDTH + 14} {bottom + 24}"'
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size} style="{_STYLE}">{frame}{texts}{"".join(marks)}</svg>\n'
+
+
+def _text(words: str) -> str:
+    """Return words as SVG, which has no place for half and control characters, takes them."""
+    return escape(legible(words))
 
 
 def _path(points: Points, most: tuple[float, float], colour: str, title: str = "") -> str:

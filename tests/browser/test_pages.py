@@ -15,6 +15,7 @@ import pytest
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
 from result_factory import crashed_simulation, infraction, make_result, scored, trace_of
 
+from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.options.run import RunOptions
@@ -24,6 +25,7 @@ from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.report.comparison import conclusion
+from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.numbers import shown_beside
@@ -297,6 +299,13 @@ def test_failures_are_told_as_shares_of_what_each_agent_drove_under_each_setting
     assert "driver" in page.locator("table.tall tbody tr:nth-child(2) td").nth(1).inner_text()
 
 
+def test_failures_stand_under_the_agent_that_was_driven_later_and_comes_first_by_name(opened, tmp_path):
+    driven = [make_result("101", agent="zoe"), make_result("101", agent="amy", infractions=HIT)]
+    page = opened(report_of(tmp_path, *driven)).go("#/failures")
+    assert page.locator("th.group").all_inner_texts() == ["amy", "zoe"]
+    assert page.locator("tr.driven td.number").all_text_contents() == ["1 of 2", "1 of 1", "0 of 1"]
+
+
 @pytest.mark.parametrize("ticks", [40, 41])
 def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, tmp_path, ticks):
     report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
@@ -402,6 +411,12 @@ def test_an_error_says_why_and_lists_what_broke(opened, tmp_path):
     report.follow(page.locator("table.requirements th a"))
     assert page.locator("table.episodes .story").all_inner_texts() == [
         "simulation crashed at 2.0 s (the server went away)"
+    ]
+    report.follow(page.locator("table.episodes th a"))
+    assert page.locator("table.facts tr", has_text="route completed").inner_text().split() == [
+        "route",
+        "completed",
+        "\u2013",
     ]
 
 
@@ -632,6 +647,22 @@ def test_nothing_of_a_run_becomes_markup_or_script(opened, tmp_path):
     report.follow(page.locator("table.episodes th a").first)
     page.wait_for_selector("canvas")
     assert evil in page.locator("main").inner_text()
+
+
+def test_a_name_that_is_no_unicode_has_its_links_too(opened, tmp_path):
+    report = opened(odd_report(tmp_path, "\ud83d half"))
+    page = report.go("#/episodes")
+    report.follow(page.locator("table.episodes th a").first)
+    page.wait_for_selector("canvas")
+    assert r"\ud83d half" in page.locator("main").inner_text()
+
+
+def test_the_command_of_an_odd_name_is_that_of_the_terminal(opened, tmp_path):
+    odd = "it's \"$odd`\\!x"
+    report = opened(odd_report(tmp_path, odd))
+    page = report.follow(report.go("#/episodes").locator("table.episodes th a").first)
+    episode = Episode(odd, "101", "clean", 0)
+    assert page.locator("main code").inner_text() == replay_command(episode, RunOptions(), routes_spec=odd)
 
 
 def test_the_policy_lets_no_other_script_in(browser, reports):

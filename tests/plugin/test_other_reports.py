@@ -103,6 +103,26 @@ def test_allure_gets_the_plots_and_the_film(files):
     assert "first divergence at" in found["replay"].read_text()
 
 
+FULL = """
+import allure
+
+def full(*given, **named):
+    raise OSError(28, "No space left on device")
+
+allure.attach = full
+"""
+
+
+@pytest.mark.slow
+def test_a_picture_that_allure_cannot_keep_does_not_hide_the_verdict(files):
+    pytest.importorskip("allure_pytest", reason="allure-pytest is not installed: pip install -e '.[dev]'")
+    (files / "conftest.py").write_text(FULL)
+    told = run(files, "-n", "0", "--alluredir=allure", "suites")
+    assert told.returncode == 1, told.stdout + told.stderr
+    assert "\nRD under GPS noise 15 m = " in told.stdout
+    assert "  allure:  not all was attached: OSError: [Errno 28] No space left on device\n" in told.stdout
+
+
 REPORTER = """
 import pytest
 

@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError, first_few
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.film.file_name import film_name
-from pytest_drive_robust.report.numbers import shown_beside
+from pytest_drive_robust.report.numbers import legible, shown_beside
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.motion import motion_text, tracks_text
 from pytest_drive_robust.report.pages.run_data import run_data
@@ -66,7 +66,7 @@ def write_pages(
     maps = RoadMaps(records.simulator)
     try:
         try:
-            data = run_data(records, table, maps=maps, comparison=comparison, before=before)
+            data = _spelled_out(run_data(records, table, maps=maps, comparison=comparison, before=before))
         except KeyError as error:
             raise UsageError(f"the run {records.label!r} is damaged: it lacks {error}. Drive it again.") from None
         folder.mkdir(parents=True, exist_ok=True)
@@ -76,10 +76,10 @@ def write_pages(
             data["films"] = _copy_films(made, films, table.results)
             data["notes"] += _strangers(films, data["films"].values())
             (made / "data").mkdir()
-            _write_routes(made / "data", records, table, maps, [route["id"] for route in data["routes"]])
+            _write_routes(made / "data", records, table, maps)
             write_whole(made / "data" / "run.js", _script("run", data))
             _copy_static(made / "static")
-            write_whole(made / "index.html", _page(data).encode("utf-8", "replace"))  # a name may be no Unicode
+            write_whole(made / "index.html", _page(data))
             for part in _PARTS:
                 _put_in_place(made, folder, part)
     finally:
@@ -87,13 +87,12 @@ def write_pages(
     return folder / "index.html"
 
 
-def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: RoadMaps, route_ids: list[str]) -> None:
-    """Write one file for each route: its world, and the motion of all episodes on it."""
+def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> None:
+    """Write one file for each route, in the order of the episodes: its world, and the motion of all episodes on it."""
     of_route: dict[str, list[int]] = {}
     for number, result in enumerate(table.results):
         of_route.setdefault(result.episode.route_id, []).append(number)
-    for place, route_id in enumerate(route_ids):
-        numbers = of_route[route_id]
+    for place, (route_id, numbers) in enumerate(of_route.items()):
         seeds = sorted({table.results[number].episode.seed for number in numbers})
         truths = {seed: maps.truth(records.route(route_id), seed) for seed in seeds}
         maps_of = {str(seed): map_data(truth) for seed, truth in truths.items() if truth is not None}
@@ -101,6 +100,15 @@ def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: 
             maps_of = {"any": next(iter(maps_of.values()))}
         motions = {str(n): [motion_text(table.results[n]), tracks_text(table.results[n])] for n in numbers}
         write_whole(folder / f"route-{place}.js", _script(f"route-{place}", {"maps": maps_of, "episodes": motions}))
+
+
+def _spelled_out(data: Any) -> Any:
+    """Return plain data whose half characters (see `legible`) are spelled out: no browser makes a link of one."""
+    if isinstance(data, str):
+        return legible(data, controls=True)
+    if isinstance(data, Mapping):
+        return {_spelled_out(name): _spelled_out(item) for name, item in data.items()}
+    return [_spelled_out(item) for item in data] if isinstance(data, (list, tuple)) else data
 
 
 def _script(name: str, data: Mapping[str, Any]) -> str:

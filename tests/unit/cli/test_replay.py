@@ -368,6 +368,21 @@ def test_replay_of_the_clean_setting_drives_once(capsys: pytest.CaptureFixture[s
     assert "first divergence" not in shown
 
 
+def test_replay_of_a_baseline_with_a_warm_up_drives_once(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([*GOOD, "--setting", "0 ms latency (reading=released)", "--no-video"]) == 0
+    shown = capsys.readouterr().out
+    assert shown.count("under 0 ms latency (reading=released)") == 1
+    assert "both drove the same" not in shown
+
+
+def test_no_share_of_the_way_is_made_up_where_the_simulation_broke(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(FakeSimulator, "score", lambda self: 1 / 0)
+    assert main([*GOOD, "--no-video"]) == 0
+    assert "  infra_error: not scored\n" in capsys.readouterr().out
+
+
 def test_a_replay_stops_early_where_the_run_did(capsys: pytest.CaptureFixture[str]) -> None:
     route = next(route.id for route in resolve_routes("full") if route.scenario.type == "ParkedObstacle")
     arguments = ["replay", route, "--agent", "drive_robust_agents.constant:Constant", "--no-video", "--stuck-stop"]

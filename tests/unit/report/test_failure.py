@@ -97,6 +97,16 @@ def test_a_clean_requirement_calls_its_column_clean():
     assert lines[1].split() == ["clean"]
 
 
+def test_a_long_stack_of_failures_leaves_room_for_value_and_limit():
+    stack = Setting.of(*[PartialObservation(ratio=0.5)] * 9)
+    under = str(stack)
+    perturbed = [hit("501", setting=under), *(scored(str(number), 100.0, setting=under) for number in (502, 503, 504))]
+    first = text_of(requirement("RD", stack) <= 0.10, CLEAN, perturbed).partition("\n")[0]
+    assert first.startswith("RD under occlusion 0.5 and occlusion 0.5")
+    assert first.endswith("... = 0.22, limit <= 0.10")
+    assert len(first) == 100
+
+
 @pytest.mark.parametrize("seeds", [1, 2])
 def test_nothing_but_the_replay_command_is_wider_than_a_hundred_columns(seeds):
     setting = Setting.of(PartialObservation(ratio=0.5), InferenceLatency(ms=200))

@@ -42,6 +42,13 @@ def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:
     assert r"- RD under wild \| failure &lt;b&gt;: neither the one \| nor the other" in lines
 
 
+def test_what_looks_like_markup_is_shown_as_it_was_said() -> None:
+    said = r'Infraction.__init__() got `x` \\| [y](z) of "say \"hi\""'
+    lines = step_summary(run_of(replace(WILD, message=said))).splitlines()
+    shown = next(line for line in lines if line.startswith("- "))
+    assert r'Infraction.\_\_init\_\_() got \`x\` \\\\\| \[y](z) of "say \\"hi\\""' in shown
+
+
 def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
     close = replace(WILD, requirement="RD under wild <= 0.30", value=0.3003)
     assert "| RD under wild &lt;= 0.30 | star\\* | 0.3003 |" in step_summary(run_of(close))
