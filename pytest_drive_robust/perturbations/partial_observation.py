@@ -28,7 +28,7 @@ class PartialObservation(Perturbation):
     """Mud, a leaf or a damaged lens: a rectangle of every image shows nothing.
 
     Formula: a rectangle of `int(height * ratio)` by `int(width * ratio)` pixels at a random place, a new one for each
-    image of each camera.
+    camera in each tick, also where its image is the one of before.
 
     Severities: `ratio`, 0..1 (the paper drives 0.5 and 0.8); with `area` it is the covered share of the image instead
     of the share of each side. `fill`: `"black"` is the paper's text, `"gray"` its figure, `"blur"` the released code's

@@ -56,7 +56,10 @@ def sentence_of(result: EpisodeResult, road: Road | None) -> str:
 
 
 def _during(result: EpisodeResult, tick: int) -> str:
-    """Return which failure had struck just then, where it strikes now and then only."""
+    """Return which failure had struck just then, where it strikes now and then only.
+
+    What happens in `tick` is seen after a step, so that a failure which begins in `tick` comes later.
+    """
     recent = tick - round(_RECENT_S / result.dt_s)
     for item in result.schedule:
         active = sum(
@@ -64,7 +67,7 @@ def _during(result: EpisodeResult, tick: int) -> str:
             for span in result.schedule
             if (span.perturbation, span.signal) == (item.perturbation, item.signal)
         )
-        if item.first_tick <= tick and item.last_tick >= recent and active < _MOSTLY * result.ticks:
+        if item.first_tick < tick and item.last_tick >= recent and active < _MOSTLY * result.ticks:
             return f"in a {item.perturbation.replace('-', ' ')}"
     return ""
 

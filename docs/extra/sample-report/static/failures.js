@@ -21,8 +21,8 @@ driveRobust.views.set("failures", (() => {
 
   function matrix(run, clusters) {
     const episodes = driveRobust.episodes.all();
-    const agents = driveRobust.episodes.agents();
     const columns = columnsOf(run);
+    const agents = [...new Set(columns.map((column) => column.agent))];
     const most = Math.max(...clusters.flatMap((cluster) => columns.map((column) => countOf(episodes, cluster, column) / column.driven)));
     const sum = (of) => columns.reduce((total, column) => total + of(column), 0);
     const spans = agents.map((agent) => [agent, columns.filter((column) => column.agent === agent).length]).filter(([, count]) => count);
