@@ -61,7 +61,6 @@ def episode_fields(result: EpisodeResult) -> dict[str, object]:
     return {
         **{name: facts[name] for name in COLUMNS if name in facts and name != "key"},
         "success": None if success is None else int(bool(success)),
-        "route_completion_pct": float(result.route_completion_pct),
         "infractions": " ".join(event.kind.value for event in events),
         "first_infraction_s": None if first_s is None else round(first_s, 6),
         "touched": " ".join(touch.signal for touch in touched),

@@ -115,9 +115,11 @@ def _row(row: SettingRow) -> dict[str, object]:
 
 
 def episode_as_json(key: str, result: EpisodeResult) -> dict[str, object]:
-    """Return the record of an episode; of its trajectory only the digest."""
+    """Return the record of an episode; of its trajectory only the digest. None where there is no number."""
     score, success = _score(result)
     told = fields_of(result)
+    if score is None:
+        told["route_completion_pct"] = None  # the simulation broke: nobody knows
     del told["inference_s"]  # the wall times of every call: a record of the store has them
     return {"key": key, **told, "driving_score": score, "success": success, "game_s": result.game_s}
 

@@ -46,6 +46,8 @@ def fields_of(result: EpisodeResult) -> dict[str, Any]:
 
 def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult:
     """Return the inverse. Raises `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields."""
+    if told["route_completion_pct"] is None and told["outcome"] == Outcome.INFRA_ERROR.value:  # not told in a report
+        told = {**told, "route_completion_pct": 0.0}
     episode = Episode(_text(told["agent"]), _text(told["route_id"]), _text(told["setting"]), _whole(told["seed"]))
     facts = {name: read(told[name]) for name, read in _FACTS.items() if name in told or name not in _LATER}
     return EpisodeResult(episode=episode, trace=trace, **facts)

@@ -12,6 +12,8 @@ import jsonschema
 import pytest
 from published_schema import run_schema
 
+from pytest_drive_robust.domain.outcome import Outcome
+from pytest_drive_robust.regression.document import episode_of
 from pytest_drive_robust.report.csv_file import COLUMNS
 
 SENTENCES = (
@@ -78,10 +80,16 @@ def test_the_csv_file_has_a_line_for_each_episode(suite, workers):
 
 def test_an_episode_without_a_score_has_empty_cells(suite):
     folder = suite("DS under clean >= 90")
-    run(folder, "--drive-csv", "run.csv", "--drive-sim", "broken")
+    run(folder, "--drive-csv", "run.csv", "--drive-json", "run.json", "--drive-sim", "broken")
     with (folder.path / "run.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    assert {(row["outcome"], row["driving_score"], row["success"]) for row in rows} == {("infra_error", "", "")}
+    numbers = ("driving_score", "success", "route_completion_pct")
+    assert {(row["outcome"], *(row[name] for name in numbers)) for row in rows} == {("infra_error", "", "", "")}
+    document = json.loads((folder.path / "run.json").read_text())
+    jsonschema.validate(document, run_schema())
+    assert {episode[name] for episode in document["episodes"] for name in numbers} == {None}
+    broken = episode_of(document["episodes"][0])
+    assert (broken.outcome, broken.route_completion_pct) == (Outcome.INFRA_ERROR, 0.0)  # as in a record of the store
 
 
 def test_a_csv_file_that_cannot_be_written_is_refused_before_anything_is_driven(suite, driven):

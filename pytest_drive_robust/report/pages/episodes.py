@@ -79,7 +79,7 @@ class EpisodeTable:
             self.word(describe_outcome(result)),
             driving_score(result) if scored else None,  # rounded once, where it is shown
             int(is_success(result)) if scored else None,
-            round(float(result.route_completion_pct), 1),
+            round(float(result.route_completion_pct), 1) if scored else None,
             None if speed is None else round(speed, 1),
             None if calm is None else round(calm, 1),
             round(result.game_s, 2),

@@ -78,7 +78,7 @@ driveRobust.views.set("episode", (() => {
         h("thead", {}, h("tr", {}, h("td", {}), [beside, episode].filter(Boolean).map((item) => h("th", { scope: "col" }, titleOf(item, episode))))),
         h("tbody", {},
           row("driving score", (item) => fixed(item.ds, 1)),
-          row("route completed", (item) => (item.scored ? `${fixed(item.completion, 1)} %` : "\u2013")),
+          row("route completed", (item) => (item.completion === null ? "\u2013" : `${fixed(item.completion, 1)} %`)),
           row("comfort", (item) => (item.comfort === null ? "\u2013" : `${fixed(item.comfort, 0)} %`)),
           row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
           row("driven", (item) => seconds(item.seconds)),
