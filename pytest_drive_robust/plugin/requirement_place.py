@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 from pathlib import Path
@@ -33,6 +34,16 @@ def place_of(item: pytest.Item, stated: object) -> tuple[str, int] | None:
         found = [number for number, text in enumerate(lines, 1) if whole.search(text)]
         if not found:
             return None
-        here = item.location[1] or 0
-        line = min(found, key=lambda number: abs(number - here))
+        own = _lines_of(item)  # another test may state the same, and closer to where this one begins
+        line = min(found, key=lambda number: (number not in own, abs(number - own.start)))
     return Path(os.path.relpath(path, item.config.rootpath)).as_posix(), line
+
+
+def _lines_of(item: pytest.Item) -> range:
+    """Return the lines of the function of a test with its decorators, from 1; its first one where no more is known."""
+    begin = (item.location[1] or 0) + 1
+    try:
+        count = len(inspect.getsourcelines(item.function)[0])  # type: ignore[attr-defined]
+    except (AttributeError, OSError, TypeError):
+        count = 1
+    return range(begin, begin + count)

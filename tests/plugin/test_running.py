@@ -649,6 +649,23 @@ def test_it(drive):
     run(suite(test=test)).stdout.fnmatch_lines(["  stated:  test_suite.py:5"])
 
 
+def test_a_sentence_that_two_tests_state_is_that_of_the_test(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirements
+
+@pytest.mark.parametrize("stated", requirements("DS under throttle 0.3 >= 60"))
+def test_before(drive, stated):
+    drive.check(stated)
+@pytest.mark.drive_robust(seeds=[0])
+@pytest.mark.parametrize("stated", requirements("DS under throttle 0.3 >= 60"))
+def test_behind(drive, stated):
+    drive.check(stated)
+"""
+    told = [line for line in run(suite(test=test)).outlines if "stated:" in line]
+    assert told == ["  stated:  test_suite.py:5", "  stated:  test_suite.py:9"]
+
+
 STATED_ELSEWHERE = """
 from pathlib import Path
 import pytest
