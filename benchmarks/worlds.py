@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from _paper.joining import read
 from _paper.readings import clean_of
-from _paper.results import DrivenAgent, Results
+from _paper.results import Results
 from rich.console import Console
 from rich.table import Table
 
@@ -57,7 +57,7 @@ def rows_of(older: Results, newer: Results) -> dict[str, Rows]:
             "the files share no route of the same definition, no seed or no agent under the same setting. Give others."
         )
     for name in agents:
-        first, second = (_identity(world.agents[name]) for world in (older, newer))
+        first, second = (world.agents[name].driven_as for world in (older, newer))
         if first != second:
             raise ComparisonError(f"{name} was driven as {first} and as {second}. Expected the same in both worlds.")
     return {
@@ -68,10 +68,6 @@ def rows_of(older: Results, newer: Results) -> dict[str, Rows]:
         }
         for name in agents
     }
-
-
-def _identity(driven: DrivenAgent) -> str:
-    return f"{driven.called} (weights {driven.made_of.get('weights', 'none')}, stopped after {driven.stuck_stop_s} s)"
 
 
 def _drives(world: Results, agent: str, setting: str, routes: Sequence[str], seeds: Sequence[int]) -> Drives:

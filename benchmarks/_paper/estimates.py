@@ -21,7 +21,7 @@ from pytest_drive_robust.stats.intervals import jackknife_interval, mean_interva
 
 __all__ = [
     "IntervalEstimate", "Means", "comfort", "degradation", "driving_score", "ds_means", "efficiency",
-    "efficiency_means", "gap", "rd_means", "success_rate",
+    "efficiency_means", "gap", "rd_means", "standard_error", "success_rate",
 ]  # fmt: skip
 
 Means = NDArray[np.float64]
@@ -122,6 +122,12 @@ def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> Int
         return None
     value, *without_route = (float(difference) for difference in more - less)
     return IntervalEstimate(value, *jackknife_interval(value, without_route, confidence))
+
+
+def standard_error(means: Means) -> float:
+    """Return the jackknife's standard error of what `means` is of."""
+    left_out = means[1:]
+    return float(np.sqrt((len(left_out) - 1) / len(left_out) * ((left_out - left_out.mean()) ** 2).sum()))
 
 
 def _all(drives: Drives, agent: str, rows: Sequence[str]) -> list[Scores] | None:

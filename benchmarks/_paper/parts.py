@@ -12,7 +12,7 @@ from itertools import combinations
 
 import numpy as np
 
-from _paper.estimates import IntervalEstimate, Means, degradation, rd_means
+from _paper.estimates import IntervalEstimate, degradation, rd_means, standard_error
 from _paper.published import AGENTS, SETTINGS
 from _paper.readings import READINGS, SAME, Drives, clean_of
 from _paper.results import Results, Scores, SeedScores
@@ -106,11 +106,5 @@ def _apart(parts: Sequence[Results], reading: str, agent: str, row: str) -> list
         Apart(reading, agent, row, (first + 1, second + 1), (lost[first], lost[second]))
         for first, second in combinations(range(len(parts)), 2)
         if abs(means[first][0] - means[second][0])
-        > normal_quantile(0.975) * np.hypot(_standard_error(means[first]), _standard_error(means[second]))
+        > normal_quantile(0.975) * np.hypot(standard_error(means[first]), standard_error(means[second]))
     ]
-
-
-def _standard_error(means: Means) -> float:
-    """Return the jackknife's standard error."""
-    left_out = means[1:]
-    return float(np.sqrt((len(left_out) - 1) / len(left_out) * ((left_out - left_out.mean()) ** 2).sum()))

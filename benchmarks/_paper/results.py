@@ -82,6 +82,11 @@ class DrivenAgent:
     settings: Mapping[str, Scores]
     stuck_stop_s: float | None = None
 
+    @property
+    def driven_as(self) -> str:
+        """What must be the same in drives that are compared, whatever of the code has changed."""
+        return f"{self.called} (weights {self.made_of.get('weights', 'none')}, stopped after {self.stuck_stop_s} s)"
+
 
 @dataclass(frozen=True, slots=True)
 class Results:
