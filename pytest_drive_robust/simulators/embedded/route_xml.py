@@ -27,6 +27,8 @@ from pytest_drive_robust.simulators.embedded.traced.schema import (
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
 """Degrees; all others are percentages."""
 _SHARE = "route_percentage"
+_NOT_IN_IDS = frozenset(",:/")
+"""What separates ids, and files from ids, where routes are selected."""
 _OF_CARLA = (
     "dust_storm", "fog_distance", "fog_falloff", "mie_scattering_scale", "rayleigh_scattering_scale",
     "scattering_intensity",
@@ -158,6 +160,11 @@ def _route(element: ElementTree.Element) -> Route:
     route_id = element.get("id")
     if not route_id:
         raise RouteError("a <route> has no id")
+    if route_id != route_id.strip() or _NOT_IN_IDS.intersection(route_id) or route_id.endswith(".xml"):
+        raise RouteError(
+            f"route {route_id!r}: --drive-routes could not name it. Give it an id without commas, colons and slashes, "
+            "without blanks at its ends and without .xml"
+        )
     where = f"route {route_id}"
     town = element.get("town")
     if not town:

@@ -79,6 +79,10 @@ def test_parameters_texts_and_weather_are_read(tmp_path: Path) -> None:
     [
         (("<routes>", "<router>"), "not a route XML file"),
         (('id="7"', ""), "has no id"),
+        (('id="7"', 'id=" "'), "route ' ': --drive-routes could not name it"),
+        (('id="7"', 'id="7,8"'), "route '7,8': --drive-routes could not name it. Give it an id without commas"),
+        (('id="7"', 'id="a:7"'), "route 'a:7': --drive-routes could not name it"),
+        (('id="7"', 'id="7.xml"'), "route '7.xml': --drive-routes could not name it"),
         (('town="Town03"', ""), "has no town"),
         (('x="50"', 'x="fifty"'), "x='fifty', expected a finite number"),
         (('x="50"', 'x="nan"'), "expected a finite number"),
