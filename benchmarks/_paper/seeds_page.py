@@ -21,7 +21,7 @@ def seeds_text(seeds: tuple[Results, Results]) -> str:
     lines = [
         "# Two seeds, one against the other",
         "",
-        f"{len(seeds[0].routes)} routes, {first} and {second}, {', '.join(f'`{name}`' for name in agents)}; written by "
+        f"{len(seeds[0].routes)} routes, {first} and {second}, driven by {' and '.join(f'`{name}`' for name in agents)}; written by "
         "`python benchmarks/seeds.py`.",
         "Is a figure of one seed to be trusted? The same agents on the same routes under the same settings; a",
         "difference is of the second seed less the first, with its interval over the routes:",
@@ -47,7 +47,7 @@ def seeds_text(seeds: tuple[Results, Results]) -> str:
                 "other success",
                 "routes' share of DS",
                 "of RD",
-                "worth more routes, for RD",
+                "a second seed is worth, for RD",
             ),
             [_changed_row(agent, on_routes_of(seeds, agent)) for agent in agents],
         ),
@@ -103,7 +103,7 @@ def _changed_row(agent: str, found: OnRoutes) -> tuple[str, ...]:
         f"{100 * found.other_success / found.episodes:.0f} %",
         figure(found.score, ".2f"),
         figure(found.degradation, ".2f"),
-        f"{100 * (1 - found.degradation) / (1 + found.degradation):.0f} %",
+        f"{100 * (1 - found.degradation) / (1 + found.degradation):.0f} % more routes",
     )
 
 

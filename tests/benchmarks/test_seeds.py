@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from _paper.joining import read
 from _paper.published import CLEAN
 from _paper.readings import DRIVEN, NO_LATENCY, called_in
 from _paper.results import DrivenAgent, Results, Scores, SeedScores, text_of
@@ -20,6 +21,7 @@ from _paper.seeds_page import seeds_text
 from pytest_drive_robust.errors import ComparisonError
 
 ROOT = Path(__file__).parents[2]
+PAPER = ROOT / "benchmarks" / "paper"
 WARM = called_in("released", NO_LATENCY)
 
 
@@ -67,7 +69,7 @@ def test_a_seed_that_changes_nothing_leaves_all_to_the_routes() -> None:
     found = on_routes_of((same, replace(same, seeds=(1,))), "tcp")
     assert (found.other_score, found.other_success, found.score) == (0, 0, 1.0)
     assert apart_of((same, same)) == []
-    assert "| tcp | 3960 | 0 % | 0 % | 1.00 | 1.00 | 0 % |" in seeds_text((same, replace(same, seeds=(1,))))
+    assert "| tcp | 3960 | 0 % | 0 % | 1.00 | 1.00 | 0 % more routes |" in seeds_text((same, replace(same, seeds=(1,))))
 
 
 def test_a_cell_that_loses_more_with_one_seed_is_found() -> None:
@@ -135,3 +137,15 @@ def test_the_page_is_written_by_its_command(tmp_path: Path) -> None:
     )
     refused = subprocess.run([*command[:3], "--write", str(page)], capture_output=True, text=True, check=False)
     assert (refused.returncode, refused.stderr.splitlines()[0][:36]) == (1, "error: the files hold the seeds 0. E")
+
+
+def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_are_explained() -> None:
+    seeds = two_seeds([read([PAPER / name]) for name in ("results.json", "seed-1.json")])
+    assert (PAPER / "seeds.md").read_text(encoding="utf-8") == seeds_text(seeds)
+    page = " ".join((ROOT / "docs" / "explanation" / "verdicts.md").read_text(encoding="utf-8").split())
+    shares = {agent: on_routes_of(seeds, agent).degradation for agent in seeds[0].agents}
+    worth = {agent: f"{100 * (1 - share) / (1 + share):.0f} %" for agent, share in shares.items()}
+    assert f"On the same {len(seeds[0].routes)} routes, under {len(DRIVEN)} settings, a second seed" in page
+    told = page[page.index("a second seed took") : page.index("(`benchmarks/paper/seeds.md`)")]
+    assert set(re.findall(r"\d+ %", told)) == set(worth.values())
+    assert all(f"`{agent}`" in told for agent in worth)
