@@ -21,8 +21,7 @@ def seeds_text(seeds: tuple[Results, Results]) -> str:
     lines = [
         "# Two seeds, one against the other",
         "",
-        f"{len(seeds[0].routes)} routes, {first} and {second}, driven by {' and '.join(f'`{name}`' for name in agents)}; written by "
-        "`python benchmarks/seeds.py`.",
+        f"{len(seeds[0].routes)} routes, {first} and {second}; written by `python benchmarks/seeds.py`.",
         "Is a figure of one seed to be trusted? The same agents on the same routes under the same settings; a",
         "difference is of the second seed less the first, with its interval over the routes:",
         "",
