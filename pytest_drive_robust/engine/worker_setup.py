@@ -68,7 +68,8 @@ class WorkerSetup:
         """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
 
         It finds `content` pickled at its standard input, and in its environment the number of threads and one hash
-        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run.
+        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run. Nor does ours
+        say what a warning is: as an error it would be the agent's.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -83,7 +84,12 @@ class WorkerSetup:
                 stdout=output,
                 stderr=output,
                 pass_fds=pass_fds,
-                env={**os.environ, "PYTHONHASHSEED": "0", **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))},
+                env={
+                    **os.environ,
+                    "PYTHONHASHSEED": "0",
+                    "PYTHONWARNINGS": "",
+                    **dict.fromkeys(_THREAD_VARIABLES, str(self.threads)),
+                },
                 cwd=self.folder,
                 start_new_session=True,
             )

@@ -8,6 +8,7 @@ from contextlib import suppress
 
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.as_in_worker import as_in_worker
 from pytest_drive_robust.runner.local_executor import LocalExecutor
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -52,7 +53,7 @@ class InlineExecutor(LocalExecutor):
         self._simulator = simulator
 
     def _work(self) -> None:
-        with self._one_thread:
+        with self._one_thread, as_in_worker():
             super()._work()
 
     @functools.cached_property

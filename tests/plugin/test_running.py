@@ -278,6 +278,33 @@ def test_elsewhere(drive, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_what_an_agent_warns_of_ends_no_episode_where_warnings_are_errors(suite, monkeypatch, executor):
+    warning = """
+
+class Warns(ScriptedAgent):
+    def act(self, observation):
+        import warnings
+
+        warnings.warn("old", DeprecationWarning)
+        return super().act(observation)
+
+
+def warning():
+    return Warns([Control(throttle=1.0)])
+
+
+AGENTS.append(warning)
+"""
+    folder = suite("DS under clean >= 90", conftest=warning)
+    monkeypatch.setenv("PYTHONWARNINGS", "error::DeprecationWarning")
+    as_errors = ("-W", "error::DeprecationWarning", "--drive-probe")
+    with pytest.warns(DeprecationWarning, match="old"):  # of the probe, which is no test's
+        result = run(folder, "--drive-agent", "warning", "--drive-executor", executor, *as_errors)
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["*probe: warning drove route 1 clean twice with seed 0: the same 53 ticks *"])
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
 def test_threads_of_a_test_may_ask_at_the_same_time(suite, driven, executor):
     test = """
 from concurrent.futures import ThreadPoolExecutor
