@@ -197,7 +197,12 @@ def _executor(
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
 
         return InlineExecutor(
-            default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
+            default_registry(),
+            simulator=options.simulator,
+            options=world,
+            ticked=ticked,
+            width=execution.lockstep,
+            folder=config.invocation_params.dir,
         )
     check_platform(f"--drive-executor {execution.executor}")
     limits = Limits(

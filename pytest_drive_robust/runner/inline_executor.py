@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import functools
+import os
 from collections.abc import Callable
 from contextlib import suppress
+from pathlib import Path
 
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.registry.registry import Registry
@@ -18,6 +20,7 @@ class InlineExecutor(LocalExecutor):
     """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
     `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
+    All are driven in `folder`, by default where the caller is.
     """
 
     def __init__(
@@ -28,6 +31,7 @@ class InlineExecutor(LocalExecutor):
         options: SimulatorOptions,
         ticked: Callable[[], object],
         width: int | None = None,
+        folder: Path | str = os.curdir,
     ) -> None:
         from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
         from pytest_drive_robust.runner.episode.loop import Watch
@@ -51,9 +55,10 @@ class InlineExecutor(LocalExecutor):
             lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
         )
         self._simulator = simulator
+        self._folder = folder
 
     def _work(self) -> None:
-        with self._one_thread, as_in_worker():
+        with self._one_thread, as_in_worker(self._folder):
             super()._work()
 
     @functools.cached_property

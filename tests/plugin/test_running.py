@@ -255,7 +255,8 @@ def test_reports_go_where_a_link_leads_and_never_replace_a_pipe(suite, driven):
 
 
 @processes
-def test_an_agent_reads_from_the_folder_of_the_call_wherever_the_first_test_has_gone(suite, workers):
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_an_agent_reads_from_the_folder_of_the_call_wherever_the_first_test_has_gone(suite, workers, executor):
     reading = """
 
 def reading():
@@ -273,7 +274,7 @@ def test_elsewhere(drive, tmp_path, monkeypatch):
 """
     folder = suite(test=test, conftest=reading)
     (folder.path / "throttle.txt").write_text("1.0")
-    options = ("--drive-agent", "reading", "--drive-executor", "processes", "--drive-workers", "1")
+    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1")
     run(folder, *options, *workers).assert_outcomes(passed=1)
 
 
