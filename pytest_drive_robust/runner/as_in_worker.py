@@ -1,4 +1,4 @@
-"""What is around an agent in a worker process, for one that is driven in the process of the run."""
+"""What is around an agent in a worker process, for what is driven, or looked at, in the process of the run."""
 
 from __future__ import annotations
 
@@ -16,17 +16,23 @@ def as_in_worker(folder: Path | str = os.curdir) -> Iterator[None]:
     What a test's folder, or pytest's `-W error`, makes of an episode would be stored, under the key of the one that a
     worker process drives to its end.
     """
-    try:
-        before = os.getcwd()
-    except FileNotFoundError:  # a test went to a folder that it removed
-        before = str(folder)
-    with warnings.catch_warnings():
+    with in_folder(folder), warnings.catch_warnings():
         warnings.filters = [
             ("default" if action == "error" else action, message, category, module, line)
             for action, message, category, module, line in warnings.filters
         ]
-        os.chdir(folder)
-        try:
-            yield
-        finally:
-            os.chdir(before)
+        yield
+
+
+@contextmanager
+def in_folder(folder: Path | str) -> Iterator[None]:
+    """Be in `folder`, and then where we were."""
+    try:
+        before = os.getcwd()
+    except FileNotFoundError:  # a test went to a folder that it removed
+        before = str(folder)
+    os.chdir(folder)
+    try:
+        yield
+    finally:
+        os.chdir(before)
