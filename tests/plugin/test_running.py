@@ -571,6 +571,21 @@ def test_pinned(drive):
     assert driven() == ["2 4", "2 5"]
 
 
+def test_a_marker_of_a_parameter_wins_over_that_of_its_function(suite, driven):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(agent="steady", routes="routes.xml:2")
+@pytest.mark.parametrize("agent", ["steady", pytest.param("seer", marks=pytest.mark.drive_robust(agent="seer"))])
+def test_pinned(drive, agent):
+    assert drive.agent == agent
+    drive.check(requirement("DS") >= 90)
+"""
+    run(suite(test=test)).assert_outcomes(passed=2)
+    assert driven() == ["2 0", "2 0"]
+
+
 @pytest.mark.parametrize(
     ("args", "marks", "told"),
     [
