@@ -640,6 +640,19 @@ def test_second(drive):
     result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
 
 
+def test_what_a_skipped_test_would_drive_need_not_be_there(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.skipif("True", reason="not on this machine")
+@pytest.mark.drive_robust(agent="elsewhere")
+def test_skipped(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, skipped=1)
+
+
 def test_what_a_requirement_measured_reaches_junit(suite):
     folder = suite(RED)
     run(folder, "--junitxml", "junit.xml")
