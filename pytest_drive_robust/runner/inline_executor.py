@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -20,7 +20,7 @@ class InlineExecutor(LocalExecutor):
     """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
     `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
-    All are driven in `folder`, by default where the caller is.
+    All are driven in `folder`, by default where the caller is, with the `environment()`, by default the present one.
     """
 
     def __init__(
@@ -32,6 +32,7 @@ class InlineExecutor(LocalExecutor):
         ticked: Callable[[], object],
         width: int | None = None,
         folder: Path | str = os.curdir,
+        environment: Callable[[], Mapping[str, str] | None] = lambda: None,
     ) -> None:
         from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
         from pytest_drive_robust.runner.episode.loop import Watch
@@ -56,9 +57,10 @@ class InlineExecutor(LocalExecutor):
         )
         self._simulator = simulator
         self._folder = folder
+        self._environment = environment
 
     def _work(self) -> None:
-        with self._one_thread, as_in_worker(self._folder):
+        with self._one_thread, as_in_worker(self._folder, self._environment()):
             super()._work()
 
     @functools.cached_property

@@ -279,6 +279,34 @@ def test_elsewhere(drive, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_a_variable_that_a_test_sets_is_not_set_for_the_agent(suite, executor):
+    reading = """
+
+class Reads(ScriptedAgent):
+    def act(self, observation):
+        return Control(throttle=float(os.environ.get("HOW_FAST", "1.0")))
+
+
+def reading():
+    return Reads([Control()])
+
+
+AGENTS.append(reading)
+"""
+    test = """
+import os
+from pytest_drive_robust import requirements
+
+def test_sets_it(drive, monkeypatch):
+    monkeypatch.setenv("HOW_FAST", "0.1")
+    drive.check(requirements("DS under clean >= 90")[0])
+    assert os.environ["HOW_FAST"] == "0.1"
+"""
+    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1")
+    run(suite(test=test, conftest=reading), *options).assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
 def test_what_an_agent_warns_of_ends_no_episode_where_warnings_are_errors(suite, monkeypatch, executor):
     warning = """
 
