@@ -46,7 +46,8 @@ class Limits:
 class WorkerSetup:
     """Everything that a process needs to drive the episodes of a run; plain data that pickles.
 
-    `python_path` becomes `sys.path` and `folder` the current folder. `plugins` are the modules whose hook
+    `python_path` becomes `sys.path`, `folder` the current folder and `environment` the variables, empty for those of
+    the process that starts it. `plugins` are the modules whose hook
     `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
     name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
     are names whose modules are imported once for all processes. `checks_identity`: a process refuses to drive where it
@@ -61,6 +62,7 @@ class WorkerSetup:
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
     checks_identity: bool = False
+    environment: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def start_python(
         self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int
@@ -68,7 +70,8 @@ class WorkerSetup:
         """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
 
         It finds `content` pickled at its standard input, and in its environment the number of threads and one hash
-        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run.
+        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run. Nor does ours
+        say what a warning is: as an error it would be the agent's.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -83,7 +86,12 @@ class WorkerSetup:
                 stdout=output,
                 stderr=output,
                 pass_fds=pass_fds,
-                env={**os.environ, "PYTHONHASHSEED": "0", **dict.fromkeys(_THREAD_VARIABLES, str(self.threads))},
+                env={
+                    **(dict(self.environment) or os.environ),
+                    "PYTHONHASHSEED": "0",
+                    "PYTHONWARNINGS": "",
+                    **dict.fromkeys(_THREAD_VARIABLES, str(self.threads)),
+                },
                 cwd=self.folder,
                 start_new_session=True,
             )

@@ -31,6 +31,8 @@ if TYPE_CHECKING:  # few sessions judge results, or drive in the official evalua
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
+ENVIRONMENT = pytest.StashKey["dict[str, str]"]()
+"""In `config.stash`: the environment variables that there were when the tests had been collected."""
 _RESULTS = pytest.StashKey["ResultsExecutor"]()
 _DRIVES_BY_ITSELF = (
     f"--drive-sim {BENCH2DRIVE}: the official evaluator drives in processes and by rules of its own, and keeps its "
@@ -197,7 +199,13 @@ def _executor(
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
 
         return InlineExecutor(
-            default_registry(), simulator=options.simulator, options=world, ticked=ticked, width=execution.lockstep
+            default_registry(),
+            simulator=options.simulator,
+            options=world,
+            ticked=ticked,
+            width=execution.lockstep,
+            folder=config.invocation_params.dir,
+            environment=lambda: config.stash.get(ENVIRONMENT, None),
         )
     check_platform(f"--drive-executor {execution.executor}")
     limits = Limits(
@@ -206,6 +214,7 @@ def _executor(
 
     def worker_setup() -> WorkerSetup:
         """Return how a fresh process comes to know the names that this one knows."""
+        own = {} if execution.executor == "ray" else config.stash.get(ENVIRONMENT, {})  # each node has one of its own
         return WorkerSetup(
             python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
             folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
@@ -213,6 +222,7 @@ def _executor(
             simulator=options.simulator,
             options=world,
             preload_agents=scopes.agents,
+            environment=tuple(own.items()),
         )
 
     if execution.executor == "ray":

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import gc
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import pytest
+from _pytest.skipping import evaluate_skip_marks
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
+from pytest_drive_robust.plugin.backends import ENVIRONMENT
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
@@ -53,8 +56,9 @@ class CollectionPlugin:
         config = session.config
         if problems_of(config):
             return
+        config.stash[ENVIRONMENT] = dict(os.environ)  # what a test sets is not an agent's: every test shares episodes
         context = _with_all_plugins(config)
-        driving = [item for item in session.items if uses_drive(item)]
+        driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
         for item in driving:
             note_problem(config, item.nodeid, partial(self._add, context, item))
@@ -108,6 +112,14 @@ class CollectionPlugin:
         self.requests.update(scope.plan(wanted))
         self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)
+
+
+def _is_skipped(item: pytest.Item) -> bool:
+    """Return True for a test that its marks skip: what it would drive need not be there, as on a machine without it."""
+    try:
+        return item.config.pluginmanager.hasplugin("skipping") and evaluate_skip_marks(item) is not None
+    except (Exception, pytest.fail.Exception):  # a condition that cannot be evaluated: pytest says so in the test
+        return False
 
 
 def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:

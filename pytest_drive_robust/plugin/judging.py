@@ -325,8 +325,12 @@ class DriveContext(NamedTuple):
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:
-    """Return what the markers of a test say; a route file starts from the root folder. Raises `UsageError`."""
-    marker, config = MarkerOptions.from_marks(item.iter_markers("drive_robust")), item.config
+    """Return what the markers of a test say; a route file starts from the root folder. Raises `UsageError`.
+
+    Those of its parameters come first, as no other test has them: pytest has them behind those of the function.
+    """
+    own = [mark for mark in getattr(getattr(item, "callspec", None), "marks", ()) if mark.name == "drive_robust"]
+    marker, config = MarkerOptions.from_marks([*own, *item.iter_markers("drive_robust")]), item.config
     if marker.routes is None:
         return marker
     # told from where pytest was called, wherever a test has gone since: they are the routes that were planned

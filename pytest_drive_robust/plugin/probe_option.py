@@ -16,6 +16,7 @@ from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.plugin.reporting import runs_tests
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import Registry, default_registry
+from pytest_drive_robust.runner.as_in_worker import as_in_worker
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import difference
@@ -82,6 +83,7 @@ def drive_twice(
     """
     drivers = [EpisodeDriver(lambda: simulator, lambda name: make_agent(registry, name)) for _ in range(2)]
     try:
-        return drivers[0].drive_once(request), drivers[1].drive_once(request)
+        with as_in_worker():
+            return drivers[0].drive_once(request), drivers[1].drive_once(request)
     finally:
         simulator.close()

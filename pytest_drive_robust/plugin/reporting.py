@@ -37,6 +37,7 @@ class ReportingPlugin:
         self._ran = False
         self._broke = False
         self._interrupted = False
+        self._lost_worker = False
         self._deselected = False
         self._ended: set[str] = set()
         self._unheeded: list[str] = []
@@ -55,9 +56,10 @@ class ReportingPlugin:
         self._deselected = True
 
     @pytest.hookimpl(optionalhook=True)
-    def pytest_testnodedown(self, node: Any) -> None:
-        """Note that tests were left out in a worker that ended (a hook of pytest-xdist)."""
+    def pytest_testnodedown(self, node: Any, error: object) -> None:
+        """Note that tests were left out in a worker that ended, or that it crashed (a hook of pytest-xdist)."""
         self._deselected |= output_of(node).get(DESELECTED, False)
+        self._lost_worker |= bool(error)
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
         """Note that a test has ended, here or in a worker."""
@@ -112,12 +114,14 @@ class ReportingPlugin:
         return MEND_TESTS if session.testsfailed else WRITE_TESTS
 
     def _why_early(self, session: pytest.Session) -> str:
-        """Return in what way the run ended before all its tests had, as `-x` and Ctrl-C end it; empty otherwise."""
+        """Return in what way the run ended before all its tests had, as by `-x`, Ctrl-C or a crash; else nothing."""
         if len(self._ended) >= session.testscollected:
             return ""
         if self._interrupted:
             return "was interrupted"
-        return "ended early" if session.shouldstop or session.shouldfail else ""
+        if self._lost_worker:
+            return "lost a worker process"
+        return "ended early" if session.shouldstop or session.shouldfail or self._broke else ""
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
         """Write the table, and why the run is not green."""

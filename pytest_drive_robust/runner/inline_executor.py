@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from pathlib import Path
 
 from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.as_in_worker import as_in_worker
 from pytest_drive_robust.runner.local_executor import LocalExecutor
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -17,6 +20,7 @@ class InlineExecutor(LocalExecutor):
     """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
     `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
+    All are driven in `folder`, by default where the caller is, with the `environment()`, by default the present one.
     """
 
     def __init__(
@@ -27,6 +31,8 @@ class InlineExecutor(LocalExecutor):
         options: SimulatorOptions,
         ticked: Callable[[], object],
         width: int | None = None,
+        folder: Path | str = os.curdir,
+        environment: Callable[[], Mapping[str, str] | None] = lambda: None,
     ) -> None:
         from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
         from pytest_drive_robust.runner.episode.loop import Watch
@@ -50,9 +56,11 @@ class InlineExecutor(LocalExecutor):
             lambda agent: [driver], width=width, shares=lambda agent: factory_offers_lockstep(agent, registry)
         )
         self._simulator = simulator
+        self._folder = folder
+        self._environment = environment
 
     def _work(self) -> None:
-        with self._one_thread:
+        with self._one_thread, as_in_worker(self._folder, self._environment()):
             super()._work()
 
     @functools.cached_property

@@ -15,6 +15,7 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.as_in_worker import in_folder
 from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.cache_key.source_files import files_of, python_files, source_digest
@@ -88,6 +89,7 @@ class Scopes:
         self._weights: dict[str, _States] = {}  # states of their files, by agent
         self._sources: dict[str, str] = {}  # digests of their code, by agent
         self._began_s = time.time()
+        self._folder = os.getcwd()  # a test may go elsewhere, and an agent may name its weights from here
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -117,10 +119,10 @@ class Scopes:
         """
         if agent not in self._identities:
             return
-        states = _states_of_weights(self._factory(agent))
-        if states == self._weights[agent]:
-            return
-        if self._made_identity(agent) != self._identities[agent]:
+        with in_folder(self._folder):
+            states = _states_of_weights(self._factory(agent))
+            changed = states != self._weights[agent] and self._made_identity(agent) != self._identities[agent]
+        if changed:
             raise UsageError(
                 f"the weights of the agent {agent!r} changed after the tests were collected, when its stored episodes "
                 "were looked for by their content. Let them be written before pytest starts, or as its conftest.py is "
@@ -198,9 +200,10 @@ class Scopes:
         """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
         if agent not in self._identities:
             self._registry.require("agents", agent)
-            check_factory(agent, self._factory(agent))
-            self._weights[agent] = _states_of_weights(self._factory(agent))  # before they are read
-            self._identities[agent] = self._made_identity(agent)
+            with in_folder(self._folder):
+                check_factory(agent, self._factory(agent))
+                self._weights[agent] = _states_of_weights(self._factory(agent))  # before they are read
+                self._identities[agent] = self._made_identity(agent)
         return self._identities[agent]
 
     def _made_identity(self, agent: str) -> str:

@@ -391,6 +391,28 @@ def test_a_run_that_its_first_failure_ended_is_not_taken_for_whole(suite, driven
     assert run(folder, "--drive-compare=early", "-k", "throttle-0.9 and not 100").ret == 0  # all of this is in it
 
 
+@pytest.mark.parametrize(
+    ("workers", "crash", "told"),
+    [
+        ((), "def pytest_runtest_logfinish():\n    raise RuntimeError('a plugin that breaks')\n", "ended early"),
+        (
+            ("-n1", "--max-worker-restart=0"),
+            "@pytest.hookimpl(trylast=True)\ndef pytest_runtest_teardown(nextitem):\n    os._exit(3)\n",
+            "lost a worker process",
+        ),
+    ],
+    ids=["pytest", "worker"],
+)
+def test_a_run_that_a_crash_ended_is_not_taken_for_whole(suite, workers, crash, told):
+    folder = suite(HOLDS, ALSO, conftest=f"\n\n{crash}")
+    folder.runpytest_subprocess("--drive-robust", "--drive-save=early", *workers)
+    document = stored(folder, "early")
+    assert document["ended_early"] is True
+    assert document["notes"] == [
+        f"the run {told}: requirements whose tests had not ended by then are not in this report"
+    ]
+
+
 def test_a_run_whose_last_test_failed_is_complete_with_x_too(suite):
     folder = suite(ALSO, BROKEN)
     result = run(folder, "--drive-save=before", "--drive-json=run.json", "-x")

@@ -255,7 +255,8 @@ def test_reports_go_where_a_link_leads_and_never_replace_a_pipe(suite, driven):
 
 
 @processes
-def test_an_agent_reads_from_the_folder_of_the_call_wherever_the_first_test_has_gone(suite, workers):
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_an_agent_reads_from_the_folder_of_the_call_wherever_the_first_test_has_gone(suite, workers, executor):
     reading = """
 
 def reading():
@@ -273,8 +274,63 @@ def test_elsewhere(drive, tmp_path, monkeypatch):
 """
     folder = suite(test=test, conftest=reading)
     (folder.path / "throttle.txt").write_text("1.0")
-    options = ("--drive-agent", "reading", "--drive-executor", "processes", "--drive-workers", "1")
+    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1")
     run(folder, *options, *workers).assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_a_variable_that_a_test_sets_is_not_set_for_the_agent(suite, executor):
+    reading = """
+
+class Reads(ScriptedAgent):
+    def act(self, observation):
+        return Control(throttle=float(os.environ.get("HOW_FAST", "1.0")))
+
+
+def reading():
+    return Reads([Control()])
+
+
+AGENTS.append(reading)
+"""
+    test = """
+import os
+from pytest_drive_robust import requirements
+
+def test_sets_it(drive, monkeypatch):
+    monkeypatch.setenv("HOW_FAST", "0.1")
+    drive.check(requirements("DS under clean >= 90")[0])
+    assert os.environ["HOW_FAST"] == "0.1"
+"""
+    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1")
+    run(suite(test=test, conftest=reading), *options).assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_what_an_agent_warns_of_ends_no_episode_where_warnings_are_errors(suite, monkeypatch, executor):
+    warning = """
+
+class Warns(ScriptedAgent):
+    def act(self, observation):
+        import warnings
+
+        warnings.warn("old", DeprecationWarning)
+        return super().act(observation)
+
+
+def warning():
+    return Warns([Control(throttle=1.0)])
+
+
+AGENTS.append(warning)
+"""
+    folder = suite("DS under clean >= 90", conftest=warning)
+    monkeypatch.setenv("PYTHONWARNINGS", "error::DeprecationWarning")
+    as_errors = ("-W", "error::DeprecationWarning", "--drive-probe")
+    with pytest.warns(DeprecationWarning, match="old"):  # of the probe, which is no test's
+        result = run(folder, "--drive-agent", "warning", "--drive-executor", executor, *as_errors)
+    result.assert_outcomes(passed=1)
+    result.stdout.fnmatch_lines(["*probe: warning drove route 1 clean twice with seed 0: the same 53 ticks *"])
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
@@ -543,6 +599,21 @@ def test_pinned(drive):
     assert driven() == ["2 4", "2 5"]
 
 
+def test_a_marker_of_a_parameter_wins_over_that_of_its_function(suite, driven):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(agent="steady", routes="routes.xml:2")
+@pytest.mark.parametrize("agent", ["steady", pytest.param("seer", marks=pytest.mark.drive_robust(agent="seer"))])
+def test_pinned(drive, agent):
+    assert drive.agent == agent
+    drive.check(requirement("DS") >= 90)
+"""
+    run(suite(test=test)).assert_outcomes(passed=2)
+    assert driven() == ["2 0", "2 0"]
+
+
 @pytest.mark.parametrize(
     ("args", "marks", "told"),
     [
@@ -595,6 +666,19 @@ def test_second(drive):
     result = run(suite(test=test, conftest=absent), *unsaid, *args)
     assert result.ret == (4 if told else 0)
     result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
+
+
+def test_what_a_skipped_test_would_drive_need_not_be_there(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.skipif("True", reason="not on this machine")
+@pytest.mark.drive_robust(agent="elsewhere")
+def test_skipped(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, skipped=1)
 
 
 def test_what_a_requirement_measured_reaches_junit(suite):

@@ -269,3 +269,22 @@ def test_what_was_driven_with_other_weights_than_its_key_says_is_not_stored(suit
     result.stdout.fnmatch_lines(["*the weights of the agent 'learning' changed after the tests were collected*"])
     assert driven()
     assert statistics(folder.path / ".drive-robust").records == 0
+
+
+def test_weights_are_looked_for_in_the_folder_of_the_call_wherever_a_test_has_gone(suite):
+    elsewhere = """
+import pytest
+from pytest_drive_robust import requirements
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def test_clean(drive):
+    drive.check(requirements("DS under clean >= 60")[0])
+"""
+    folder = suite(test=elsewhere, conftest=f"{RETRAINED}\n\nLearned.weights = 'learned.txt'\n")
+    (folder.path / "learned.txt").write_text("1")
+    folder.runpytest_inprocess("--drive-robust", "--drive-agent", "learned").assert_outcomes(passed=1)
