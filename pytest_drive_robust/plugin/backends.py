@@ -18,6 +18,7 @@ from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.option import asked_for
 from pytest_drive_robust.options.run import BENCH2DRIVE, DEFAULT_STORE, RESULTS, RunOptions
 from pytest_drive_robust.options.table import OPTIONS
+from pytest_drive_robust.plugin.environment import environment_of
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
@@ -31,8 +32,6 @@ if TYPE_CHECKING:  # few sessions judge results, or drive in the official evalua
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
-ENVIRONMENT = pytest.StashKey["dict[str, str]"]()
-"""In `config.stash`: the environment variables that there were when the tests had been collected."""
 _RESULTS = pytest.StashKey["ResultsExecutor"]()
 _DRIVES_BY_ITSELF = (
     f"--drive-sim {BENCH2DRIVE}: the official evaluator drives in processes and by rules of its own, and keeps its "
@@ -205,7 +204,7 @@ def _executor(
             ticked=ticked,
             width=execution.lockstep,
             folder=config.invocation_params.dir,
-            environment=lambda: config.stash.get(ENVIRONMENT, None),
+            environment=lambda: environment_of(config),
         )
     check_platform(f"--drive-executor {execution.executor}")
     limits = Limits(
@@ -214,7 +213,7 @@ def _executor(
 
     def worker_setup() -> WorkerSetup:
         """Return how a fresh process comes to know the names that this one knows."""
-        own = {} if execution.executor == "ray" else config.stash.get(ENVIRONMENT, {})  # each node has one of its own
+        own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
         return WorkerSetup(
             python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
             folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since

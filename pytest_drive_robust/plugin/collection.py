@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import os
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,7 @@ from _pytest.skipping import evaluate_skip_marks
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.plugin.backends import ENVIRONMENT
+from pytest_drive_robust.plugin.environment import keep_environment
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
@@ -56,7 +55,7 @@ class CollectionPlugin:
         config = session.config
         if problems_of(config):
             return
-        config.stash[ENVIRONMENT] = dict(os.environ)  # what a test sets is not an agent's: every test shares episodes
+        keep_environment(config)
         context = _with_all_plugins(config)
         driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))

@@ -19,10 +19,11 @@ from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageE
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.parsers import routes_from_root
-from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.options.run import BENCH2DRIVE, RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
+from pytest_drive_robust.plugin.environment import warn_of_changes
 from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
@@ -220,6 +221,8 @@ class Drive:
     def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
         self._was_asked = True
+        if self._context.options.simulator != BENCH2DRIVE:  # agents of the official evaluator are not ours to start
+            warn_of_changes(self._item)
         try:
             with ONE_AT_A_TIME:
                 yield

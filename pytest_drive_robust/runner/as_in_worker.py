@@ -40,7 +40,7 @@ def in_folder(folder: Path | str) -> Iterator[None]:
 
 @contextmanager
 def _in_environment(environment: Mapping[str, str] | None) -> Iterator[None]:
-    if environment is None:
+    if not environment:
         yield
         return
     before = dict(os.environ)

@@ -302,8 +302,10 @@ def test_sets_it(drive, monkeypatch):
     drive.check(requirements("DS under clean >= 90")[0])
     assert os.environ["HOW_FAST"] == "0.1"
 """
-    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1")
-    run(suite(test=test, conftest=reading), *options).assert_outcomes(passed=1)
+    options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1", "-W", "default")
+    result = run(suite(test=test, conftest=reading), *options)
+    result.assert_outcomes(passed=1, warnings=1)
+    result.stdout.fnmatch_lines(["*drive-robust: changed since * not for the agent, *of then: HOW_FAST. Set it *"])
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
