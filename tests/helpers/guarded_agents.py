@@ -175,6 +175,23 @@ class TakesTooMuchMemory(Steady):
         return [bytearray(1 << 24) for _ in range(1 << 10)]
 
 
+class HoldsMemory(Steady):
+    """So much that there is no room for two."""
+
+    def fault(self, observation: Observation) -> object:
+        self.held = np.empty(400_000_000, np.uint8)
+        return FULL
+
+
+class HoldsMemoryToo(HoldsMemory):
+    pass
+
+
+class HoldsMemoryFromTheStart(Steady):
+    def __init__(self) -> None:
+        self.held = np.empty(400_000_000, np.uint8)
+
+
 # --- takes too long -------------------------------------------------------------------------------------------------
 
 
