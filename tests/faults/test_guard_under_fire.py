@@ -16,7 +16,7 @@ from guarded_worlds import HERE, gone_within, request, worker_setup
 from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError
 from pytest_drive_robust.engine.supervisor import Stopped, Supervisor
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
@@ -191,6 +191,34 @@ def test_a_fork_server_that_is_killed_while_it_loads_is_started_again() -> None:
         killer.join()
         supervisor.close()
         fork_server.close()
+
+
+@pytest.mark.parametrize(
+    ("plugin", "ready_s", "told"),
+    [
+        (
+            "import gc, sys, time, traceback\n"
+            "def collect(): raise RuntimeError('no home')\n"
+            "def tell(*error): time.sleep(0.5); traceback.print_exception(*error)\n"
+            "gc.collect, sys.excepthook = collect, tell\n",
+            PATIENCE_S,
+            "died while it was getting ready. It said: RuntimeError: no home",
+        ),
+        ("print('waits')\nimport time\ntime.sleep(600)\n", 0.5, "was not ready within 0.5 s."),
+    ],
+    ids=["dies", "hangs"],
+)
+def test_why_a_fork_server_is_not_ready_is_told(
+    plugin: str, ready_s: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pytest_drive_robust.engine.fork_server._READY_S", ready_s)
+    monkeypatch.setattr("pytest_drive_robust.engine.fork_server._TRIES", 1)
+    (tmp_path / "odd_plugin.py").write_text(plugin)
+    fork_server = ForkServer(worker_setup(plugins=(("odd_plugin", str(tmp_path / "odd_plugin.py")),)))
+    with pytest.raises(NoWorkerError) as caught:
+        fork_server.start_worker(LIMITS, "steady", lambda: False)
+    assert told in str(caught.value)
+    fork_server.close()
 
 
 def test_closing_ends_the_processes(make_supervisor: Make) -> None:
