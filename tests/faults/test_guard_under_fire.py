@@ -269,6 +269,33 @@ def test_nothing_outlives_a_parent_that_is_killed(note: Path) -> None:
     assert [pid for pid in pids if not gone_within(pid)] == []
 
 
+LOADING_PARENT = """
+import os
+import sys
+sys.path.insert(0, sys.argv[1])
+from guarded_worlds import worker_setup
+from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.worker_setup import Limits
+
+fork_server = ForkServer(worker_setup(plugins=(("hanging_plugin", sys.argv[2]),)))
+fork_server.start_worker(Limits(), "steady", lambda: False)
+"""
+
+
+def test_a_fork_server_that_hangs_while_it_loads_ends_with_its_parent(note: Path, tmp_path: Path) -> None:
+    plugin = tmp_path / "hanging_plugin.py"
+    plugin.write_text(
+        "import os, time\n"
+        "with open(os.environ['DRIVE_ROBUST_TEST_NOTE'], 'w') as note: note.write(str(os.getpid()))\n"
+        f"time.sleep({2 * PATIENCE_S})\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", LOADING_PARENT, str(HERE), str(plugin)]) as parent:
+        while not (note.exists() and note.read_text()):
+            time.sleep(0.01)
+        parent.kill()
+    assert gone_within(int(note.read_text()), 60.0)
+
+
 @pytest.fixture
 def threads(tmp_path: Path) -> tuple[tuple[str, str], ...]:
     """A plugin that starts threads, so that forking is not safe."""
