@@ -125,7 +125,7 @@ class ForkServer:
             self._stop()
             forks = self._launch(unwanted)
         if forks is None:
-            raise NoWorkerError("the process that starts all others died while it was getting ready.")
+            raise NoWorkerError(f"the process that starts all others {self._why_not_ready()}.")
         try:
             self._check_loaded()
         except UsageError:
@@ -161,6 +161,15 @@ class ForkServer:
                     if "forks" in words:
                         return bool(words["forks"])
         return None
+
+    def _why_not_ready(self) -> str:
+        """Say what became of a server that was not ready, when it has printed why."""
+        assert self._process is not None
+        try:
+            self._process.wait(_EXIT_S)
+        except subprocess.TimeoutExpired:
+            return f"was not ready within {_READY_S:g} s"
+        return "died while it was getting ready"
 
     def _hear(self) -> None:
         """Take in what the server has said since it was ready; return at once."""

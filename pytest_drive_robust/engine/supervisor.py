@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result
 from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.store.reuse import NO_MEMORY
+from pytest_drive_robust.store.reuse import NO_MEMORY, RAN_OUT, ran_out
 
 _Ended = Generator[tuple[EpisodeRequest, EpisodeResult | UsageError | None], None, None]
 _SALVAGE_S = 600.0
@@ -39,6 +39,7 @@ class Supervisor:
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._failure: Explanation  # of the latest worker that was lost
+        self._was_new = True  # the worker, at the latest request
         self.output = ""  # the end of what was printed by the time of the latest result
 
     @property
@@ -76,7 +77,7 @@ class Supervisor:
     def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None], width: int) -> _Ended:
         """Drive what `take` gives, up to `width` at a time, until none is under way.
 
-        Those without a result, whose process broke, come last. Raises `Stopped`.
+        Without a result is one whose process broke, at the end, and one that ran out of memory. Raises `Stopped`.
         """
 
         def take_next() -> tuple[WorkerRequest, EpisodeRequest] | None:
@@ -84,7 +85,10 @@ class Supervisor:
             return None if request is None else (WorkerRequest.of(request, width=width, shares=True), request)
 
         for request, result in self._results(agent, take_next, self._limits_of(width), most=width):
-            yield request, self._judged(result) if isinstance(result, EpisodeResult) else result
+            if _wants_room(result):
+                yield request, None
+            else:
+                yield request, self._judged(result) if isinstance(result, EpisodeResult) else result
 
     def stop(self) -> None:
         """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
@@ -145,14 +149,24 @@ class Supervisor:
         return limits if limits.episode_s is None else replace(limits, episode_s=limits.episode_s * (width or 1))
 
     def _attempt(self, asked: WorkerRequest, limits: Limits | None = None) -> EpisodeResult | Explanation:
-        """Make one request to the worker. Raises `UsageError`, `Stopped`."""
-        waiting = iter([(asked, None)])
-        ((_, result),) = self._results(
-            asked.episode.agent, lambda: next(waiting, None), limits or self._limits_of(asked.width)
-        )
+        """Make one request to the worker; again in a new one where it ran out of what earlier agents may hold there.
+
+        Raises `UsageError`, `Stopped`.
+        """
+        limits = limits or self._limits_of(asked.width)
+        while _wants_room(result := self._answer(asked, limits)):
+            self._end_worker()
+            if self._was_new:
+                break
         if isinstance(result, UsageError):
             raise result
         return result or self._failure
+
+    def _answer(self, asked: WorkerRequest, limits: Limits) -> EpisodeResult | UsageError | None:
+        """Return what the worker answers to one request, None when it was lost. Raises `Stopped`."""
+        waiting = iter([(asked, None)])
+        ((_, result),) = self._results(asked.episode.agent, lambda: next(waiting, None), limits)
+        return result
 
     def _results(
         self, agent: str, take: Take[T], limits: Limits, *, most: int = 1
@@ -183,6 +197,7 @@ class Supervisor:
         worker = self._worker
         if worker is not None and (worker.wait(0.0) is not None or agent not in (worker.drives or (agent,))):
             self._end_worker()  # somebody killed it while it waited; or the agent's kernels are not in there
+        self._was_new = self._worker is None
         if self._worker is None:
             worker = self._fork_server.start_worker(self._limits, agent, self._stopped.is_set)
             with self._lock:
@@ -201,3 +216,10 @@ class Supervisor:
             worker, self._worker = self._worker, None
         if worker is not None:
             worker.end()
+
+
+def _wants_room(result: EpisodeResult | UsageError | None) -> bool:
+    """Return whether an agent could not drive, or be made, for lack of what others may hold in its process."""
+    if isinstance(result, UsageError):
+        return any(words in str(result) for words in RAN_OUT)
+    return result is not None and ran_out(result)

@@ -388,7 +388,7 @@ def _made(entry: Entry, *arguments: object, protocol: type) -> object:
         made: object = factory(*arguments)
     except DriveRobustError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:  # sys.exit() would end a command, with its own exit code
         raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
     if isinstance(made, type):
         raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")

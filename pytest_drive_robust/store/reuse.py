@@ -14,15 +14,20 @@ RAN_OUT = (
     "STATUS_ALLOC_FAILED",
     "No space left on device",
     "Disk quota exceeded",
+    "Too many open files",
+    "can't start new thread",
+    "Resource temporarily unavailable",
 )
-"""Of a GPU in the words of CUDA, JAX, cuBLAS and cuDNN; of a disk in those of the system."""
+"""Of a GPU in the words of CUDA, JAX, cuBLAS and cuDNN; of a disk, files, threads and processes in those of the system
+and of Python."""
 
 
 def is_reusable(result: EpisodeResult) -> bool:
     """Tell whether another run would get the same by driving it again: the agent's drive, or its own exception.
 
     A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again. So
-    is what the agent raised because the machine had no more: memory, that of a GPU, room on a disk.
+    is what the agent raised because the machine had no more: memory, that of a GPU, room on a disk, files,
+    threads.
     """
     return ends_reusable(result.outcome, result.end) and not ran_out(result)
 

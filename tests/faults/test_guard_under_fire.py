@@ -16,7 +16,7 @@ from guarded_worlds import HERE, gone_within, request, worker_setup
 from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.fork_server import ForkServer, NoWorkerError
 from pytest_drive_robust.engine.supervisor import Stopped, Supervisor
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
@@ -193,6 +193,34 @@ def test_a_fork_server_that_is_killed_while_it_loads_is_started_again() -> None:
         fork_server.close()
 
 
+@pytest.mark.parametrize(
+    ("plugin", "ready_s", "told"),
+    [
+        (
+            "import gc, sys, time, traceback\n"
+            "def collect(): raise RuntimeError('no home')\n"
+            "def tell(*error): time.sleep(0.5); traceback.print_exception(*error)\n"
+            "gc.collect, sys.excepthook = collect, tell\n",
+            PATIENCE_S,
+            "died while it was getting ready. It said: RuntimeError: no home",
+        ),
+        ("print('waits')\nimport time\ntime.sleep(600)\n", 0.5, "was not ready within 0.5 s."),
+    ],
+    ids=["dies", "hangs"],
+)
+def test_why_a_fork_server_is_not_ready_is_told(
+    plugin: str, ready_s: float, told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pytest_drive_robust.engine.fork_server._READY_S", ready_s)
+    monkeypatch.setattr("pytest_drive_robust.engine.fork_server._TRIES", 1)
+    (tmp_path / "odd_plugin.py").write_text(plugin)
+    fork_server = ForkServer(worker_setup(plugins=(("odd_plugin", str(tmp_path / "odd_plugin.py")),)))
+    with pytest.raises(NoWorkerError) as caught:
+        fork_server.start_worker(LIMITS, "steady", lambda: False)
+    assert told in str(caught.value)
+    fork_server.close()
+
+
 def test_closing_ends_the_processes(make_supervisor: Make) -> None:
     fork_server = ForkServer(worker_setup())
     supervisor = Supervisor(fork_server, LIMITS)
@@ -239,6 +267,33 @@ def test_nothing_outlives_a_parent_that_is_killed(note: Path) -> None:
         parent.kill()
     pids.append(int(note.read_text()))
     assert [pid for pid in pids if not gone_within(pid)] == []
+
+
+LOADING_PARENT = """
+import os
+import sys
+sys.path.insert(0, sys.argv[1])
+from guarded_worlds import worker_setup
+from pytest_drive_robust.engine.fork_server import ForkServer
+from pytest_drive_robust.engine.worker_setup import Limits
+
+fork_server = ForkServer(worker_setup(plugins=(("hanging_plugin", sys.argv[2]),)))
+fork_server.start_worker(Limits(), "steady", lambda: False)
+"""
+
+
+def test_a_fork_server_that_hangs_while_it_loads_ends_with_its_parent(note: Path, tmp_path: Path) -> None:
+    plugin = tmp_path / "hanging_plugin.py"
+    plugin.write_text(
+        "import os, time\n"
+        "with open(os.environ['DRIVE_ROBUST_TEST_NOTE'], 'w') as note: note.write(str(os.getpid()))\n"
+        f"time.sleep({2 * PATIENCE_S})\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", LOADING_PARENT, str(HERE), str(plugin)]) as parent:
+        while not (note.exists() and note.read_text()):
+            time.sleep(0.01)
+        parent.kill()
+    assert gone_within(int(note.read_text()), 60.0)
 
 
 @pytest.fixture

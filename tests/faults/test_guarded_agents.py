@@ -158,6 +158,15 @@ def test_memory_without_end_is_refused(make_supervisor: Callable[..., Supervisor
     assert_still_fine(supervisor)
 
 
+def test_memory_that_earlier_agents_hold_in_the_process_is_not_missed(
+    make_supervisor: Callable[..., Supervisor],
+) -> None:
+    supervisor = make_supervisor(Limits(episode_s=300.0, memory_bytes=700_000_000))
+    for agent in ("HoldsMemory", "HoldsMemoryToo", "HoldsMemoryFromTheStart"):
+        result = supervisor.drive(request(agent))
+        assert result.outcome is Outcome.COMPLETED, result.end_detail
+
+
 @pytest.mark.parametrize("agent", ["KillsItself", "KillsTheForkServer"])
 def test_a_process_that_is_killed_every_time_is_the_agents_failure_in_the_end(
     supervisor: Supervisor, agent: str

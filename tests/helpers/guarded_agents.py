@@ -11,6 +11,7 @@ import locale
 import logging
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -175,6 +176,23 @@ class TakesTooMuchMemory(Steady):
         return [bytearray(1 << 24) for _ in range(1 << 10)]
 
 
+class HoldsMemory(Steady):
+    """So much that there is no room for two."""
+
+    def fault(self, observation: Observation) -> object:
+        self.held = np.empty(400_000_000, np.uint8)
+        return FULL
+
+
+class HoldsMemoryToo(HoldsMemory):
+    pass
+
+
+class HoldsMemoryFromTheStart(Steady):
+    def __init__(self) -> None:
+        self.held = np.empty(400_000_000, np.uint8)
+
+
 # --- takes too long -------------------------------------------------------------------------------------------------
 
 
@@ -270,6 +288,7 @@ class MeddlesWithEverything(Steady):
         sys.excepthook = lambda *_: None
         sys.setrecursionlimit(5000)
         os.umask(0o777)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 20, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
         np.set_printoptions(precision=2)
         np.seterr(all="ignore")
         locale.setlocale(locale.LC_ALL, "C")
@@ -288,6 +307,7 @@ class TellsItsSurroundings(Steady):
             signal.getitimer(signal.ITIMER_REAL), logging.root.manager.disable, len(logging.root.handlers),
             repr(builtins.print), sys.stdout is None, repr(sys.excepthook), sys.getrecursionlimit(), mask,
             str(np.get_printoptions()), str(np.geterr()), locale.setlocale(locale.LC_ALL),
+            resource.getrlimit(resource.RLIMIT_FSIZE),
         )  # fmt: skip
         raise RuntimeError(json.dumps(facts))
 

@@ -286,14 +286,14 @@ def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | N
 def _excuse(record: OfficialRecord, ended: Attempt, log: Path) -> str:
     """Return why an end as an error of the agent says nothing about the agent; empty where it does.
 
-    It asked a dead server, or raised because the machine had no more memory or room, as another one may.
+    It asked a dead server, or raised because the machine had no more of what another one may have.
     """
     if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
         return ""
     told = log.read_text(encoding="utf-8", errors="replace")
     found = _RAN_OUT.search(told)
     if found:
-        return f"for want of memory or room on a disk ({found[1]})"
+        return f"for want of memory, room on a disk, files or threads ({found[1]})"
     return "after the CARLA server was lost" if ended.trouble or _SERVER_LOST in told else ""
 
 

@@ -25,7 +25,13 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.engine.messages import refusal_bytes
 from pytest_drive_robust.engine.worker.serve import serve
-from pytest_drive_robust.engine.worker.system import adopt_orphans, child_processes, die_with_parent, no_core_files
+from pytest_drive_robust.engine.worker.system import (
+    adopt_orphans,
+    child_processes,
+    die_with_parent,
+    no_core_files,
+    outlive_starter,
+)
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
@@ -44,6 +50,8 @@ _ENDING_S = 2.0
 def serve_forks(control: int, parent: int) -> NoReturn:
     """Serve the socket `control` until its other end or the process `parent` is gone. The setup is at stdin."""
     setup: WorkerSetup = pickle.load(sys.stdin.buffer)
+    if sys.platform == "linux":  # elsewhere it takes a thread
+        die_with_parent(parent)  # what is imported may take long, or hang
     with socket.socket(fileno=control) as channel:
         try:
             registry, compilation = _loaded(setup, lambda done, total: _say(channel, {"compiling": [done, total]}))
@@ -52,6 +60,7 @@ def serve_forks(control: int, parent: int) -> NoReturn:
             os._exit(0)
         no_core_files()
         adopt_orphans()
+        outlive_starter()
         _Server(channel, setup, registry, compilation).run(parent)
     os._exit(0)
 

@@ -11,6 +11,7 @@ import gc
 import locale
 import logging
 import os
+import resource
 import signal
 import sys
 import threading
@@ -29,6 +30,7 @@ _STREAMS = ("stdin", "stdout", "stderr", "__stdin__", "__stdout__", "__stderr__"
 _HOOKS = ("excepthook", "displayhook", "breakpointhook", "unraisablehook")
 _SUBNORMAL = 5e-324
 _SIGNALS = sorted(signal.valid_signals() - {getattr(signal, name, None) for name in ("SIGKILL", "SIGSTOP")})
+_RESOURCES = sorted({getattr(resource, name) for name in dir(resource) if name.startswith("RLIMIT_")})
 
 
 class _Item(NamedTuple):
@@ -199,6 +201,7 @@ _ITEMS = (
     _pair("sys", "getrecursionlimit", "setrecursionlimit"),
     _pair("sys", "getswitchinterval", "setswitchinterval"),
     _Item(_umask, os.umask),
+    *(_Item(partial(resource.getrlimit, number), partial(resource.setrlimit, number)) for number in _RESOURCES),
     _Item(lambda: os.getpriority(os.PRIO_PROCESS, 0), partial(os.setpriority, os.PRIO_PROCESS, 0)),
     *([_Item(lambda: os.sched_getaffinity(0), partial(os.sched_setaffinity, 0))] if sys.platform == "linux" else []),
     _Item(gc.isenabled, lambda wanted: gc.enable() if wanted else gc.disable()),

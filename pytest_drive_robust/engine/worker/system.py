@@ -27,6 +27,11 @@ def die_with_parent(parent: int) -> None:
         _thread.start_new_thread(_leave_after, (parent,))  # a raw one: no list of threads shows it
 
 
+def outlive_starter() -> None:
+    """Take `die_with_parent` back on Linux, where it means the thread that started us, which may end before."""
+    _prctl(_PR_SET_PDEATHSIG, 0)
+
+
 def adopt_orphans() -> None:
     """Become the parent of every process below us whose own parent ends."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)

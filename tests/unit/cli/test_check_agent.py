@@ -126,3 +126,12 @@ def test_weights_that_are_not_there_exit_with_4(agents_folder: Path, capsys: pyt
     (agents_folder / "losing_agents.py").write_text(module)
     assert main(["check-agent", "losing_agents:Lost", "--sim", FAKE]) == 4
     assert "'no-such-file.pt', which cannot be read" in capsys.readouterr().err
+
+
+def test_an_agent_that_leaves_when_it_is_made_exits_with_4_and_not_as_it_said(
+    agents_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = "import sys\nfrom cli_agents import Good\nclass Leaves(Good):\n    __init__ = lambda self: sys.exit(0)\n"
+    (agents_folder / "leaving_agents.py").write_text(module)
+    assert main(["check-agent", "leaving_agents:Leaves", "--sim", FAKE]) == 4
+    assert "could not be made: SystemExit: 0" in capsys.readouterr().err

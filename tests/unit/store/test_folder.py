@@ -84,6 +84,18 @@ def test_what_is_missing_is_looked_for_again_each_time(tmp_path):
             make_result(end=End.AGENT_CRASHED, end_detail="OSError: [Errno 122] Disk quota exceeded"),
             False,
         ),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="act raised OSError: [Errno 24] Too many open files: 'map'"),
+            False,
+        ),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="act raised RuntimeError: can't start new thread"),
+            False,
+        ),
+        (
+            make_result(end=End.AGENT_CRASHED, end_detail="[Errno 11] Resource temporarily unavailable"),
+            False,
+        ),
         (make_result(end=End.TICK_CAP), True),
         (RAISED, True),
         (TIMED_OUT, False),
@@ -99,6 +111,9 @@ def test_what_is_missing_is_looked_for_again_each_time(tmp_path):
         "memory by cuBLAS",
         "disk",
         "quota",
+        "files",
+        "threads",
+        "processes",
         "failed",
         "raised",
         "timed out",

@@ -35,7 +35,7 @@ def test_what_the_harness_does_wrong_is_tried_again_and_never_scored(
         "crash": "Failed - Simulation crashed",
         "lost": "after the CARLA server was lost",
         "half": "exit code 255",
-        "full": "Failed - Agent crashed, for want of memory or room on a disk (No space left on device)",
+        "full": "Failed - Agent crashed, for want of memory, room on a disk, files or threads (No space",
     }
     futures = {mode: made.submit(task(mode)) for mode in reasons}
     for mode, future in futures.items():
