@@ -36,7 +36,7 @@ def gate(
     threshold, margin or alpha that leaves nothing to decide.
     """
     judge = EvidenceJudge(degradation_forms(threshold, margin), alpha=alpha)
-    for before, after in _pairs(clean, perturbed):
+    for before, after in list(_pairs(clean, perturbed)):  # all of them: those behind the stop must pair, too
         if judge.read(after, before) is not None:
             break
     return GateVerdict(judge.close(), judge.routes)

@@ -179,7 +179,7 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     metric = known_metric(found["metric"] or "RD")
     comparison = _COMPARISONS[found["comparison"] or "<="]
     limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
-    failure = ladder.at(float(found["level"]))
+    failure = _at(ladder, float(found["level"]))
     setting = Setting.of(failure)
     if found["others"]:
         form = str(failure).removesuffix(f" ({brackets(failure)})")  # what has no default is said by the others
@@ -207,6 +207,17 @@ def _ladder(words: str, known: Known) -> Ladder:
         return ladder_of(graded[0], dt_s=ANY_TICK_S)
     except PerturbationError as error:
         raise RequirementError(str(error)) from None
+    except (TypeError, ValueError) as error:  # of the class itself
+        raise RequirementError(f"{graded[0].__name__} cannot be built from its ladder: {error}.") from None
+
+
+def _at(ladder: Ladder, level: float) -> Perturbation:
+    """Return the failure of that severity. Raises `PerturbationError`, also where its class raises something else."""
+    try:
+        return ladder.at(level)
+    except (TypeError, ValueError) as error:
+        told = f"{type(ladder.template).__name__} cannot be built from a sentence: {error}"
+        raise PerturbationError(told) from error
 
 
 def _left_side(text: str) -> tuple[str, str, str]:

@@ -33,7 +33,8 @@ _EXIT_CODES = (
     (
         pytest.ExitCode.TESTS_FAILED,
         "a requirement is broken, is an error, got worse than the run it is compared with, or nothing was driven",
-        "a broken contract, a drop, a damaged record, an episode that is not what was stored",
+        "a broken contract, a drop, a damaged record, an episode that is not what was stored, something missing that "
+        "``doctor`` names",
     ),
     (pytest.ExitCode.INTERRUPTED, "interrupted; what was finished is kept", "a command line that does not parse"),
     (pytest.ExitCode.INTERNAL_ERROR, "a bug of ours", "none"),

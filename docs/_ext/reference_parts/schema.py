@@ -38,7 +38,7 @@ def schema() -> str:
 def _type(part: Mapping[str, Any]) -> str:
     if "$ref" in part:
         name = part["$ref"].rpartition("/")[2]
-        return f":ref:`{name} <schema-{name}>`" if name != "interval" else "interval: two numbers"
+        return f":ref:`{name} <schema-{name}>`" if name != "interval" else "interval: two numbers, or null"
     if "const" in part:
         return f"``{json.dumps(part['const'])}``"
     if "enum" in part:

@@ -38,7 +38,7 @@ def check_folder(folder: Path, *, source: str) -> None:
     if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
         raise UsageError(
             f"{source} is {str(folder)!r}, which holds other things. Expected a new folder, an empty one, or an "
-            f"earlier report, as in {source} {folder.name}/report."
+            f"earlier report, as in {source} {str(folder / 'report')!r}."
         )
 
 

@@ -167,6 +167,14 @@ def test_scores_that_cannot_be_and_lists_that_do_not_pair_are_refused() -> None:
         gate([], [], 0.30)
 
 
+def test_what_stands_behind_the_stop_is_refused_as_well() -> None:
+    assert gate([90.0] * 30, [88.0] * 30, 0.30).pairs < 20
+    with pytest.raises(ComparisonError, match="do not pair"):
+        gate([90.0] * 30, [88.0] * 20, 0.30)
+    with pytest.raises(ComparisonError, match=r"expected a number in 0\.\.100"):
+        gate([90.0] * 30, [88.0] * 29 + [880.0], 0.30)
+
+
 @pytest.mark.parametrize(("threshold", "margin", "alpha"), [(1.0, 0.1, 0.05), (0.3, 0.0, 0.05), (0.3, 0.1, 0.5)])
 def test_a_threshold_margin_or_alpha_that_leaves_nothing_to_decide_is_refused(
     threshold: float, margin: float, alpha: float

@@ -364,6 +364,43 @@ def test_a_failure_without_steps_takes_no_margin_from_another() -> None:
     assert type(margin.setting.perturbations[0]) is InferenceLatency
 
 
+@dataclass
+class SlowWheel(Perturbation):
+    """A test's own failure: it refuses a severity by a ValueError, as any dataclass may."""
+
+    gain: float = 0.5
+    phrase = "slow wheel {gain}"
+    ladder: ClassVar = ("gain", (0.9, 0.5))
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.gain <= 1.0:
+            raise ValueError(f"gain is {self.gain}, expected 0..1")
+
+
+@dataclass
+class Unusual(Perturbation):
+    """A test's own failure: two severities without defaults, and no example of them."""
+
+    gain: float
+    offset: float
+    phrase = "odd wheel {gain} off {offset}"
+    ladder: ClassVar = ("gain", (0.9, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("cls", "sentence", "message"),
+    [
+        (SlowWheel, "slow wheel margin >= 5", "SlowWheel cannot be built from a sentence: gain is 5.0, expected 0..1"),
+        (Unusual, "odd wheel off margin >= 0.5", "Unusual cannot be built from its ladder: .*'offset'"),
+    ],
+)
+def test_what_a_class_raises_of_a_margin_is_a_sentence_that_is_refused(
+    cls: type[Perturbation], sentence: str, message: str
+) -> None:
+    with pytest.raises(RequirementError, match=message):
+        requirements(sentence, known={**BUILTIN, "own": cls})
+
+
 def test_margins_stand_beside_other_requirements() -> None:
     found = requirements("RD under 100 ms latency <= 0.2\nlatency margin >= 150 ms  # a comment", known=BUILTIN)
     assert [type(item) for item in found] == [Requirement, MarginRequirement]

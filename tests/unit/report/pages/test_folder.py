@@ -114,8 +114,9 @@ def test_a_former_report_is_written_over_and_nothing_else(tmp_path):
     assert {path.name for path in (folder / "data").iterdir()} == {"run.js", "route-0.js"}
     assert (folder / "mine.txt").read_text() == "kept"
     (folder / MARK).unlink()
-    with pytest.raises(UsageError, match="holds other things"):
+    with pytest.raises(UsageError, match="holds other things") as refused:
         write_pages(folder, records(make_result("101")))
+    assert str(folder / "report") in str(refused.value)  # what is proposed can be made from the current folder
 
 
 def test_two_runs_that_write_one_folder_at_the_same_time_leave_one_report(tmp_path, monkeypatch):
