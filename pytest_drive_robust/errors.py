@@ -97,7 +97,7 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
     import difflib  # here: every pytest session imports this module
 
     lowered = {name.lower(): name for name in known}
-    found = difflib.get_close_matches(given.lower(), lowered, n=1, cutoff=0.5)
+    found = difflib.get_close_matches(str(given).lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None
 
 

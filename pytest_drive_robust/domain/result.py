@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import End, Infraction, Outcome
+from pytest_drive_robust.errors import UnknownNameError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -60,7 +61,9 @@ class Trace:
     )
 
     def column(self, name: str) -> NDArray[np.float64]:
-        """Return one column of `rows` by its name."""
+        """Return one column of `rows` by its name. Raises `UnknownNameError` for one that is not in `COLUMNS`."""
+        if name not in self.COLUMNS:
+            raise UnknownNameError.of("column of a trace", name, self.COLUMNS)
         values: NDArray[np.float64] = self.rows[:, self.COLUMNS.index(name)]
         return values
 

@@ -14,6 +14,7 @@ import enum
 import hashlib
 import os
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -45,7 +46,10 @@ def _user_cache() -> Path:
         return Path(os.environ["XDG_CACHE_HOME"])
     if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home())
-    home = Path.home()
+    try:
+        home = Path.home()
+    except RuntimeError:  # a container gives neither HOME nor an entry for its user
+        return Path(tempfile.gettempdir())
     with suppress(ImportError, KeyError):
         import pwd  # not on Windows
 

@@ -113,7 +113,12 @@ def ladder_of(
     if not issubclass(cls, Perturbation):
         raise PerturbationError(f"{perturbation!r} has no severity to step through: expected one Perturbation.")
     field, usual = _declared(cls, dt_s)
-    steps = tuple(float(level) for level in (usual if levels is None else levels))
+    try:
+        steps = tuple(float(level) for level in (usual if levels is None else levels))
+    except (TypeError, ValueError):
+        raise PerturbationError(
+            f"the levels of {cls.__name__} are {levels!r}, expected a list of numbers, from mild to severe."
+        ) from None
     if not _one_way(steps):
         raise PerturbationError(
             f"the levels of {cls.__name__} are {steps}, expected at least one, from mild to severe."

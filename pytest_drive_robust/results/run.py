@@ -25,9 +25,11 @@ def read_run(run: str | os.PathLike[str] = "latest", *, store: str | os.PathLike
     """Return a run: `"latest"`, the name that `--drive-save` gave, or a file of `--drive-json`.
 
     Traces come from the store of the project, or from the folder `store`; an episode that is not there has an empty
-    one. Raises `UsageError` for what is no run.
+    one. Raises `UsageError` for what is no run, and for a `store` that is no folder.
     """
     folder = None if store is None else Path(store)
+    if folder is not None and not folder.is_dir():
+        raise UsageError(f"the store is {os.fspath(folder)!r}, expected a folder of stored episodes.")
     return Run.of(RunRecords.stored(os.fspath(run), default_registry(), store=folder))
 
 

@@ -21,9 +21,12 @@ derive from BaseException only and go through. A worker process, which neither r
 
 _MOST_CHARACTERS = 20_000
 """An exception may hold megabytes."""
+_MOST_DEEP = 20
+"""Groups within groups; what is made to look like one may hold itself."""
 _CALLERS = (
     "pytest_drive_robust.engine.",
     "pytest_drive_robust.bench2drive.agents.",
+    "pytest_drive_robust.domain.agent",
     "pytest_drive_robust.runner.",
     "pytest_drive_robust.testing.",
     "pytest_drive_robust.perturbations.base",
@@ -142,14 +145,16 @@ def blame(call: str, error: BaseException, verb: str = "raised") -> str:
     return f"{call} {verb} {_cut(_in_words(error))}{_place(error)}"
 
 
-def _in_words(error: BaseException) -> str:
+def _in_words(error: BaseException, depth: int = 0) -> str:
     """Return the last line of its traceback, what was noted beside it, and the errors that a group holds."""
     told = traceback.TracebackException(type(error), error, None, compact=True)
     told.__notes__ = None  # type: ignore[attr-defined]  # they would be the last lines
-    words = [[*told.format_exception_only()][-1].strip(), *getattr(error, "__notes__", ())]
+    notes = getattr(error, "__notes__", ())
+    words = [[*told.format_exception_only()][-1].strip()]
+    words += [note if isinstance(note, str) else _shown(note) for note in notes if isinstance(notes, (list, tuple))]
     held = getattr(error, "exceptions", ())
-    if isinstance(held, tuple) and all(isinstance(one, BaseException) for one in held):
-        words += map(_in_words, held)
+    if depth < _MOST_DEEP and isinstance(held, tuple) and all(isinstance(one, BaseException) for one in held):
+        words += [_in_words(one, depth + 1) for one in held]
     return "; ".join(words)
 
 
@@ -157,7 +162,7 @@ def _shown(value: object) -> str:
     """Return what an agent gave as text, also where its `__repr__` raises."""
     try:
         return _cut(repr(value))
-    except Exception as error:
+    except BLAMED as error:
         return f"something that cannot be shown ({type(error).__name__} in its __repr__)"
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import LaneMap
-from pytest_drive_robust.errors import RouteError
+from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, project, resample
 from pytest_drive_robust.simulators.embedded.map import CompiledTown, Passage, compile_town, follow, join, turn_of
@@ -129,6 +129,13 @@ class DenseRoute:
         return changes
 
 
+def _own_town(route: Route) -> CompiledTown:
+    try:
+        return compile_town(route.town)
+    except UsageError as error:
+        raise type(error)(f"route {route.id}: {error}") from None
+
+
 def lay_route(route: Route) -> DenseRoute:
     """Lay a route on its town. Raises `RouteError` when it leaves the town's driving lanes.
 
@@ -143,7 +150,7 @@ def lay_route(route: Route) -> DenseRoute:
             f"route {route.id}: its waypoints are {length:.3g} m long, expected {_SHORTEST_M:.0f} to {_LONGEST_M:.0f} m"
         )
     traced = trace_route(route) if is_traced(route.town) else None
-    town = compile_town(route.town) if traced is None else traced.town
+    town = _own_town(route) if traced is None else traced.town
     lane_map = town.lane_map
     line = traced.line if traced else resample(np.array([[point.x_m, point.y_m] for point in route.waypoints]))
     lanes = match_lanes(lane_map, line)

@@ -114,7 +114,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
         Raises `gymnasium.error.InvalidAction` for what is not three finite numbers.
         """
-        if np.shape(action) != (3,) or not np.isfinite(action).all():
+        if not _three_finite(action):
             raise InvalidAction(f"the action is {action!r}, expected three finite numbers: throttle, steer, brake")
         throttle, steer, brake = (float(v) for v in np.clip(action, self._limits.low, self._limits.high))
         self._simulator.step(Control(throttle, steer, brake))
@@ -202,3 +202,10 @@ def _checked(cameras: Sequence[CameraSpec]) -> tuple[CameraSpec, ...]:
             )
         taken.add(camera.name)
     return tuple(cameras)
+
+
+def _three_finite(action: object) -> bool:
+    try:
+        return np.shape(action) == (3,) and bool(np.isfinite(action).all())  # type: ignore[call-overload]
+    except (TypeError, ValueError):  # text, None, a list within a list
+        return False

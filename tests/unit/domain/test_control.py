@@ -15,7 +15,7 @@ def test_numbers_of_any_library_are_taken(throttle: Any) -> None:
     assert Control(throttle=throttle).problem() is None
 
 
-@pytest.mark.parametrize("throttle", ["0.5", b"0.5", bytearray(b"1"), np.str_("0.5"), None, [0.5]])
+@pytest.mark.parametrize("throttle", ["0.5", b"0.5", bytearray(b"1"), np.str_("0.5"), None, [0.5], 10**400])
 def test_what_is_no_number_is_told_as_it_is(throttle: Any) -> None:
     assert Control(throttle=throttle).problem() == f"throttle is {throttle!r}, expected a number in 0..1"
 

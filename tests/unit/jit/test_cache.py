@@ -6,6 +6,7 @@ import importlib.util
 import os
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from types import ModuleType
@@ -93,6 +94,16 @@ def test_a_default_of_a_keyword_changes_it(tmp_path: Path) -> None:
 def test_a_constant_of_another_module_changes_it(tmp_path: Path) -> None:
     first = content_digest(written(tmp_path / "a").whole)
     assert content_digest(written(tmp_path / "b", offset="11.0").whole) != first
+
+
+def test_without_a_home_machine_code_is_kept_with_temporary_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_home() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(numba.config, "CACHE_DIR", "")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(Path, "home", no_home)
+    assert cache_folder() == Path(tempfile.gettempdir()) / "pytest-drive-robust" / "kernels"
 
 
 def test_another_checkout_takes_the_machine_code_of_the_first(tmp_path: Path) -> None:

@@ -80,6 +80,12 @@ def test_levels_that_do_not_lead_one_way_are_refused(levels: tuple[float, ...]) 
         ladder_of(GpsNoise, dt_s=0.05, levels=levels)
 
 
+@pytest.mark.parametrize("levels", [["5 m"], 5, [None]])
+def test_levels_that_are_no_numbers_are_refused(levels: Any) -> None:
+    with pytest.raises(PerturbationError, match="expected a list of numbers, from mild to severe"):
+        ladder_of(GpsNoise, dt_s=0.05, levels=levels)
+
+
 def test_levels_that_the_failure_cannot_have_are_refused_before_anything_is_driven() -> None:
     with pytest.raises(PerturbationError, match=r"std_m is -1\.0"):
         ladder_of(GpsNoise, dt_s=0.05, levels=(5.0, 3.0, -1.0))

@@ -79,3 +79,13 @@ def test_what_cannot_be_had_is_refused(project, monkeypatch):
     monkeypatch.setitem(sys.modules, "polars", None)
     with pytest.raises(UsageError, match="pip install pandas"):
         run.frame()
+
+
+def test_a_column_that_no_trace_has_is_refused(project):
+    with pytest.raises(UnknownNameError, match=r"no column of a trace named 'speed'\. Did you mean 'speed_mps'"):
+        read_run("one").episodes[0].trace.column("speed")
+
+
+def test_a_store_that_is_not_there_is_refused(project):
+    with pytest.raises(UsageError, match="the store is 'nope', expected a folder of stored episodes"):
+        read_run("one", store="nope")

@@ -185,6 +185,14 @@ def test_an_action_that_is_not_three_finite_numbers_is_refused(action):
     assert np.isfinite(observed["speed"]).all()
 
 
+@pytest.mark.parametrize("action", [["a", "b", "c"], [None, 0, 0], [[1], 2, 3], None])
+def test_an_action_that_is_no_array_of_numbers_is_refused(action):
+    env = WorldEnv()
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match="expected three finite numbers: throttle, steer, brake"):
+        env.step(action)
+
+
 def test_a_snapshot_of_another_episode_is_refused():
     env = WorldEnv()
     env.reset(seed=0)

@@ -196,6 +196,12 @@ def test_files_of_the_leaderboard_are_read_whatever_else_stands_in_them(
     assert load_routes(tmp_path / "official.xml")[0].id == "7", says
 
 
+def test_a_town_that_is_not_there_is_told_with_its_route() -> None:
+    route = replace(ROUTES[0], town="Bielefeld")
+    with pytest.raises(RouteError, match=f"^route {route.id}: town 'Bielefeld' is none of ours"):
+        World(route, seed=0, options=SimulatorOptions())
+
+
 def test_a_misspelt_route_is_refused(tmp_path: Path) -> None:
     (tmp_path / "own.xml").write_text(STREET_TEXT.replace("</routes>", "<rout/></routes>"), encoding="utf-8")
     with pytest.raises(RouteError, match=r"<routes> has no element 'rout', did you mean 'route'\?"):
@@ -295,7 +301,7 @@ def test_a_route_off_its_town_is_refused() -> None:
     aside = tuple(type(p)(p.x_m, p.y_m + 40.0) for p in route.waypoints)
     with pytest.raises(RouteError, match="from the nearest lane of town"):
         lay_route(Route(route.id, route.town, aside, route.scenario))
-    with pytest.raises(UnknownNameError, match="Street"):
+    with pytest.raises(UnknownNameError, match=f"^route {route.id}: there is no town style named 'Streat'.*Street"):
         lay_route(Route(route.id, "Streat1", route.waypoints, route.scenario))
 
 
