@@ -103,6 +103,7 @@ class Drive:
             rule = MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._verdict_rule)
             verdict_rule = rule.for_routes(len(self.routes))
             requirement = requirement.read_as(self._reading)
+            self._context.scopes.check_setting(requirement.setting)  # one that the body of a test states
             judgement = self._context.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
         self._record(judgement)
         if judgement.verdict.decision == "inconclusive":
@@ -174,6 +175,8 @@ class Drive:
         levels: Iterable[float] | None = None,
     ) -> Bracket:
         ladder = ladder_of(perturbation, dt_s=self._context.scopes.dt_s, levels=levels, reading=self._reading)
+        for level in ladder.levels:
+            self._context.scopes.check_setting(Setting.of(ladder.at(level)))
         bracket = largest(
             ladder, self._decide, routes=len(self.routes), metric=metric, limit=limit, comparison=comparison
         )
@@ -194,6 +197,7 @@ class Drive:
         _require_requirement("minimal", requirement)
         with self._errors_of(requirement):
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
+            self._context.scopes.check_setting(requirement.setting)
             rule = self._verdict_rule.for_routes(len(self.routes))
             judgement = self._context.campaign.decide(requirement, self._scope, rule)
             failure = minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
@@ -212,10 +216,15 @@ class Drive:
             return Estimate.of(self._context.campaign.measure(requirement, self._scope))
 
     def _setting(self, given: Setting | Perturbation | str) -> Setting:
-        """Return what is driven: the failures as this test reads them, a sentence among them."""
+        """Return what is driven: the failures as this test reads them, a sentence among them.
+
+        Raises `UsageError` for a severity that a tick cannot show: every episode would break by it.
+        """
         if isinstance(given, str):
             given = self._context.scopes.setting(given)
-        return (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
+        setting = (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
+        self._context.scopes.check_setting(setting)
+        return setting
 
     @contextmanager
     def _errors_of(self, what: object) -> Iterator[None]:

@@ -777,6 +777,30 @@ def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
     result.stdout.fnmatch_lines([f"E*drive.{call} expects a requirement, as requirements(...) gives them, not 'DS*"])
 
 
+@pytest.mark.parametrize(
+    "call",
+    [
+        "rd('20 ms latency')",
+        "episodes('20 ms latency')",
+        "check(requirement('RD', InferenceLatency(ms=20)) <= 0.5)",
+        "minimal(requirement('RD', InferenceLatency(ms=20)) <= 0.5)",
+        "largest(InferenceLatency, levels=[20, 100])",
+    ],
+)
+def test_a_severity_that_a_tick_cannot_show_is_refused_before_anything_is_driven(suite, driven, call):
+    test = f"""
+from pytest_drive_robust import requirement
+from pytest_drive_robust.perturbations import InferenceLatency
+
+def test_it(drive):
+    drive.{call}
+"""
+    result = run(suite(test=test))
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*ms is 20*expected 0 or*"])
+    assert not driven()
+
+
 def test_progress_is_a_few_plain_lines_where_there_is_no_terminal(suite):
     result = run(suite(GREEN, RED))
     lines = [line for line in result.outlines if line.startswith("drive-robust: steady under")]
