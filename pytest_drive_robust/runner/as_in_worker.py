@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 
 
 @contextmanager
-def as_in_worker(folder: Path | str = os.curdir, environment: Mapping[str, str] | None = None) -> Iterator[None]:
+def as_in_worker(folder: Path | str = os.curdir, environment: MutableMapping[str, str] | None = None) -> Iterator[None]:
     """Be in `folder`, that of the call, with the `environment` of before any test, and let warnings only warn.
+
+    What an agent changes of its environment is in `environment` then.
 
     What a test's folder and variables, or pytest's `-W error`, make of an episode would be stored, under the key of
     the one that a worker process drives to its end.
@@ -39,7 +41,7 @@ def in_folder(folder: Path | str) -> Iterator[None]:
 
 
 @contextmanager
-def _in_environment(environment: Mapping[str, str] | None) -> Iterator[None]:
+def _in_environment(environment: MutableMapping[str, str] | None) -> Iterator[None]:
     if not environment:
         yield
         return
@@ -48,6 +50,8 @@ def _in_environment(environment: Mapping[str, str] | None) -> Iterator[None]:
     try:
         yield
     finally:
+        environment.clear()
+        environment.update(os.environ)
         _set_environment(before)
 
 

@@ -58,9 +58,12 @@ class InlineExecutor(LocalExecutor):
         self._simulator = simulator
         self._folder = folder
         self._environment = environment
+        self._variables: dict[str, str] | None = None
 
     def _work(self) -> None:
-        with self._one_thread, as_in_worker(self._folder, self._environment()):
+        if self._variables is None:
+            self._variables = dict(self._environment() or {})
+        with self._one_thread, as_in_worker(self._folder, self._variables):
             super()._work()
 
     @functools.cached_property

@@ -309,6 +309,30 @@ def test_sets_it(drive, monkeypatch):
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_a_variable_that_an_agent_sets_stays_set_for_it(suite, executor):
+    setting = """
+
+class Sets(ScriptedAgent):
+    def __init__(self):
+        super().__init__([Control()])
+        os.environ["HOW_FAST"] = "1.0"
+
+    def act(self, observation):
+        return Control(throttle=float(os.environ["HOW_FAST"]))
+
+
+def setting():
+    return Sets()
+
+
+AGENTS.append(setting)
+"""
+    options = ("--drive-agent", "setting", "--drive-executor", executor, "--drive-workers", "1", "-W", "default")
+    folder = suite("DS under clean >= 90", "DS under throttle 0.9 >= 1", conftest=setting)
+    run(folder, *options).assert_outcomes(passed=2, warnings=0)
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
 def test_what_an_agent_warns_of_ends_no_episode_where_warnings_are_errors(suite, monkeypatch, executor):
     warning = """
 
