@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageE
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.parsers import routes_from_root
-from pytest_drive_robust.options.run import BENCH2DRIVE, RunOptions
+from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
@@ -230,7 +230,7 @@ class Drive:
     def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
         self._was_asked = True
-        if self._context.options.simulator != BENCH2DRIVE:  # agents of the official evaluator are not ours to start
+        if not self._context.options.is_external:  # others start the agents of the official evaluator
             warn_of_changes(self._item)
         try:
             with ONE_AT_A_TIME:

@@ -129,6 +129,14 @@ def test_requirements_are_judged_without_a_simulator(results, pytester, workers)
     result.stdout.no_fnmatch_line("*drive-robust replay*")  # nobody can drive them again
 
 
+def test_variables_are_nothing_to_agents_that_have_driven(results, pytester):
+    pytester.makeconftest(
+        "import pytest\n\n@pytest.fixture(autouse=True)\ndef variable(monkeypatch):\n"
+        "    monkeypatch.setenv('HOW_FAST', '0.1')\n"
+    )
+    results(BOTH).assert_outcomes(passed=2, failed=1, warnings=0)
+
+
 def test_what_only_a_map_tells_is_stated_as_bounds(results, pytester):
     for name in ("clean.json", "late.json"):
         write_results(pytester.path / name, {"1": 100.0, "2": 60.0, "3": 0.0, "4": 10.0}, scenario="T_Junction")
