@@ -55,8 +55,9 @@ class CollectionPlugin:
         config = session.config
         if problems_of(config):
             return
-        keep_environment(config)
         context = _with_all_plugins(config)
+        if not context.options.is_external:  # others start the agents of the official evaluator
+            keep_environment(config)
         driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
         for item in driving:

@@ -6,43 +6,78 @@ All tests share the episodes, and stored ones stand for driven ones, so what one
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import NamedTuple
 
 import pytest
 
-_PYTESTS = frozenset({"PYTEST_CURRENT_TEST"})
-"""Variables that pytest sets for each test."""
 _MOST_NAMED = 5
-_COLLECTED = pytest.StashKey[dict[str, str]]()
-_TOLD = pytest.StashKey[set[str]]()
+
+
+class _Variables(NamedTuple):
+    """`collected` are those of the agents; `known` those that no test has changed; `told` the names that one has.
+
+    What driving changes is known, as some libraries set variables when they are loaded.
+    """
+
+    collected: dict[str, str]
+    known: dict[str, str]
+    told: set[str]
+
+
+_VARIABLES = pytest.StashKey[_Variables]()
 
 
 def keep_environment(config: pytest.Config) -> None:
     """Take the present variables for those of the agents."""
-    config.stash[_COLLECTED], config.stash[_TOLD] = dict(os.environ), set()
+    pytests = {"PYTEST_CURRENT_TEST"}  # it sets this one for each test
+    config.stash[_VARIABLES] = _Variables(dict(os.environ), dict(os.environ), pytests)
 
 
 def environment_of(config: pytest.Config) -> dict[str, str]:
     """Return the variables of the agents, empty where nothing was collected."""
-    return config.stash.get(_COLLECTED, {})
+    variables = config.stash.get(_VARIABLES, None)
+    return {} if variables is None else variables.collected
 
 
-def warn_of_changes(item: pytest.Item) -> None:
-    """Warn once of each variable that a test or a fixture has changed: no agent sees that."""
-    before = environment_of(item.config)
-    if not before:
-        return
-    told = item.config.stash[_TOLD]
-    names = (set(before) | set(os.environ)) - _PYTESTS - told
-    changed = sorted(name for name in names if before.get(name) != os.environ.get(name))
-    if not changed:
-        return
-    told.update(changed)
+@contextmanager
+def variables_of_tests_told(item: pytest.Item) -> Iterator[None]:
+    """Warn once of each variable that a test or a fixture has changed: no agent sees that. Then drive in the body."""
+    variables = item.config.stash.get(_VARIABLES, None)
+    if variables is not None:
+        changed = [name for name in _changed(variables.known) if name not in variables.told]
+        if changed:
+            variables.told.update(changed)
+            item.warn(pytest.PytestWarning(_told(changed)))
+    with variables_of_driving_known(item.config):
+        yield
+
+
+@contextmanager
+def variables_of_driving_known(config: pytest.Config) -> Iterator[None]:
+    """Drive in the body: what that changes is no test's."""
+    variables = config.stash.get(_VARIABLES, None)
+    before = dict(os.environ)
+    try:
+        yield
+    finally:
+        known = {} if variables is None else variables.known
+        for name in _changed(before):
+            known.pop(name, None)
+            if name in os.environ:
+                known[name] = os.environ[name]
+
+
+def _changed(before: dict[str, str]) -> list[str]:
+    return sorted(name for name in before.keys() | os.environ.keys() if before.get(name) != os.environ.get(name))
+
+
+def _told(changed: list[str]) -> str:
     more = len(changed) - _MOST_NAMED
     named = ", ".join(changed[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
-    item.warn(
-        pytest.PytestWarning(
-            f"drive-robust: changed since the tests were collected, and not for the agent, which drives with the "
-            f"environment of then: {named}. Set it before pytest starts or as conftest.py is imported, or make it an "
-            "option of the agent."
-        )
+    return (
+        "drive-robust: changed since the tests were collected, and not for the agent, which drives with the "
+        f"environment of then: {named}. Set it before pytest starts or as conftest.py is imported, or make it an "
+        "option of the agent."
     )

@@ -23,7 +23,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
-from pytest_drive_robust.plugin.environment import warn_of_changes
+from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
@@ -230,10 +230,8 @@ class Drive:
     def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
         self._was_asked = True
-        if not self._context.options.is_external:  # others start the agents of the official evaluator
-            warn_of_changes(self._item)
         try:
-            with ONE_AT_A_TIME:
+            with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield
         except _UNJUDGED as error:
             self._item.user_properties.append(("drive_verdict", "error"))

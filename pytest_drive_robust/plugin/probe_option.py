@@ -13,6 +13,7 @@ from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.plugin.environment import variables_of_driving_known
 from pytest_drive_robust.plugin.reporting import runs_tests
 from pytest_drive_robust.plugin.run_outputs import RunOutputs
 from pytest_drive_robust.registry.registry import Registry, default_registry
@@ -49,7 +50,8 @@ class ProbePlugin:
         try:
             scope = Scopes(options, registry, resolve_routes).of(MarkerOptions())
             simulator = registry.simulator(options.simulator, simulator_options(options))
-            found = drive_twice(scope.need(Setting.CLEAN, clean=False).perturbed[0], registry, simulator)
+            with variables_of_driving_known(self._config):
+                found = drive_twice(scope.need(Setting.CLEAN, clean=False).perturbed[0], registry, simulator)
         except UsageError as error:  # a conftest.py that only the workers read may know the name
             return f"probe: not driven: {error}"
         return drives_compared(*found)
