@@ -58,15 +58,17 @@ def variables_of_tests_told(item: pytest.Item) -> Iterator[None]:
 def variables_of_driving_known(config: pytest.Config) -> Iterator[None]:
     """Drive in the body: what that changes is no test's."""
     variables = config.stash.get(_VARIABLES, None)
+    if variables is None:
+        yield
+        return
     before = dict(os.environ)
     try:
         yield
     finally:
-        known = {} if variables is None else variables.known
         for name in _changed(before):
-            known.pop(name, None)
+            variables.known.pop(name, None)
             if name in os.environ:
-                known[name] = os.environ[name]
+                variables.known[name] = os.environ[name]
 
 
 def _changed(before: dict[str, str]) -> list[str]:

@@ -149,9 +149,10 @@ def _in_words(error: BaseException, depth: int = 0) -> str:
     """Return the last line of its traceback, what was noted beside it, and the errors that a group holds."""
     told = traceback.TracebackException(type(error), error, None, compact=True)
     told.__notes__ = None  # type: ignore[attr-defined]  # they would be the last lines
-    notes = getattr(error, "__notes__", ())
+    noted = getattr(error, "__notes__", ())
+    notes = noted if isinstance(noted, (list, tuple)) else (noted,)
     words = [[*told.format_exception_only()][-1].strip()]
-    words += [note if isinstance(note, str) else _shown(note) for note in notes if isinstance(notes, (list, tuple))]
+    words += [note if isinstance(note, str) else _shown(note) for note in notes]
     held = getattr(error, "exceptions", ())
     if depth < _MOST_DEEP and isinstance(held, tuple) and all(isinstance(one, BaseException) for one in held):
         words += [_in_words(one, depth + 1) for one in held]

@@ -30,10 +30,11 @@ def told(given: object) -> str:
 
 
 @pytest.mark.skipif(sys.version_info < (3, 11), reason="exceptions have no notes")
-def test_notes_that_are_no_text_are_told() -> None:
+@pytest.mark.parametrize(("notes", "words"), [([1, None, "near the end"], "1; None; near the end"), (5, "5")])
+def test_notes_that_are_no_text_are_told(notes: Any, words: str) -> None:
     error = ValueError("lost")
-    error.__notes__ = [1, None, "near the end"]  # type: ignore[attr-defined,list-item]
-    assert told(error).startswith("act raised ValueError: lost; 1; None; near the end (")
+    error.__notes__ = notes  # type: ignore[attr-defined]
+    assert told(error).startswith(f"act raised ValueError: lost; {words} (")
 
 
 def test_an_exception_that_holds_itself_is_told() -> None:
