@@ -13,8 +13,7 @@ from itertools import combinations
 import numpy as np
 
 from _paper.estimates import IntervalEstimate, degradation, rd_means, standard_error
-from _paper.published import AGENTS, SETTINGS
-from _paper.readings import READINGS, SAME, Drives, clean_of
+from _paper.readings import Drives, cells_of, clean_of
 from _paper.results import Results, Scores, SeedScores
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
@@ -87,13 +86,7 @@ def _has_rd(part: Results) -> bool:
 
 def compared(parts: Sequence[Results]) -> Compared:
     """Compare every two parts in each cell that was driven; a cell that is the same in both readings counts once."""
-    cells = [
-        (reading, agent, row)
-        for reading in READINGS
-        for agent in AGENTS
-        for row in SETTINGS
-        if (reading == READINGS[0] or row not in SAME) and Drives(parts[0], reading).pair(agent, row) is not None
-    ]
+    cells = cells_of(parts[0])
     apart = [one for cell in cells for one in _apart(parts, *cell)]
     return Compared(len(cells), len(cells) * len(list(combinations(parts, 2))), tuple(apart))
 

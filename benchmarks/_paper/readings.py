@@ -15,7 +15,7 @@ from _paper.results import Results, Scores
 from pytest_drive_robust import Setting
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 
-__all__ = ["DRIVEN", "NO_LATENCY", "READINGS", "SAME", "Drives", "called_in", "clean_of"]
+__all__ = ["DRIVEN", "NO_LATENCY", "READINGS", "SAME", "Drives", "called_in", "cells_of", "clean_of"]
 
 NO_LATENCY = "0 ms latency"
 """The row that latency is compared with: `clean` in the reading `paper`, clean with the warm-up in `released`."""
@@ -61,3 +61,14 @@ class Drives:
         if driven is None or setting not in driven.settings:
             return None
         return driven.settings[clean_of(setting)], driven.settings[setting]
+
+
+def cells_of(results: Results) -> list[tuple[str, str, str]]:
+    """Return reading, agent and row of each cell that was driven; one that both readings share counts once."""
+    return [
+        (reading, agent, row)
+        for reading in READINGS
+        for agent in results.agents
+        for row in SETTINGS
+        if (reading == READINGS[0] or row not in SAME) and Drives(results, reading).pair(agent, row) is not None
+    ]

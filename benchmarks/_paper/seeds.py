@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from _paper.estimates import IntervalEstimate, Means, degradation, ds_means, gap, rd_means, standard_error
 from _paper.parts import on_routes
-from _paper.published import CLEAN, SETTINGS
-from _paper.readings import READINGS, SAME, Drives
+from _paper.published import CLEAN
+from _paper.readings import Drives, cells_of
 from _paper.results import DrivenAgent, Results, Scores
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
-__all__ = ["Apart", "OnRoutes", "apart_of", "cells_of", "difference", "on_routes_of", "two_seeds"]
+__all__ = ["Apart", "OnRoutes", "apart_of", "difference", "on_routes_of", "two_seeds"]
 
 _SEEDS = 2
 
@@ -94,17 +94,6 @@ def _by_seed(results: Results) -> list[Results]:
     ]
 
 
-def cells_of(results: Results) -> list[tuple[str, str, str]]:
-    """Return reading, agent and row of each cell that was driven; one that both readings share counts once."""
-    return [
-        (reading, agent, row)
-        for reading in READINGS
-        for agent in results.agents
-        for row in SETTINGS
-        if (reading == READINGS[0] or row not in SAME) and Drives(results, reading).pair(agent, row) is not None
-    ]
-
-
 def difference(
     seeds: tuple[Results, Results], reading: str, agent: str, rows: Sequence[str]
 ) -> IntervalEstimate | None:
@@ -120,28 +109,27 @@ def on_routes_of(seeds: tuple[Results, Results], agent: str) -> OnRoutes:
     first, second = (results.agents[agent].settings for results in seeds)
     scores = [(first[name].driving_score, second[name].driving_score) for name in first]
     successes = [(first[name].success, second[name].success) for name in first]
-    lost = [
-        (_of_each_route(rd_means(Drives(seeds[0], reading), agent, (row,))), _of_each_route(again))
+    means = [
+        [rd_means(Drives(results, reading), agent, (row,)) for results in seeds]
         for reading, driven, row in cells_of(seeds[0])
-        if driven == agent and (again := rd_means(Drives(seeds[1], reading), agent, (row,))) is not None
+        if driven == agent
     ]
     return OnRoutes(
         sum(len(one) for one, _ in scores),
         sum(one != other for pair in scores for one, other in zip(*pair, strict=True)),
         sum(one != other for pair in successes for one, other in zip(*pair, strict=True)),
         _share_of_routes(scores),
-        _share_of_routes(lost),
+        _share_of_routes([[_of_each_route(one) for one in of_cell if one is not None] for of_cell in means]),
     )
 
 
-def _of_each_route(means: Means | None) -> NDArray[np.float64]:
+def _of_each_route(means: Means) -> NDArray[np.float64]:
     """Return the jackknife's value of each route: what it adds to RD, times the number of routes."""
-    assert means is not None
     routes = len(means) - 1
     return routes * means[0] - (routes - 1) * means[1:]
 
 
-def _share_of_routes(cells: Sequence[tuple[Sequence[float], Sequence[float]]]) -> float:
+def _share_of_routes(cells: Sequence[Sequence[Sequence[float] | NDArray[np.float64]]]) -> float:
     """Return the intraclass correlation of pairs of values, one pair a route; variances are means over the cells.
 
     Shrout and Fleiss 1979, ICC(1, 1). NaN where nothing differs at all.

@@ -6,9 +6,9 @@ from _paper.agreement import agreement
 from _paper.estimates import degradation, driving_score
 from _paper.markdown import CELLS, HALVES, figure, seeds_of, shown, table
 from _paper.published import AVERAGES, CLEAN, SHORT
-from _paper.readings import READINGS, SAME, Drives
+from _paper.readings import READINGS, SAME, Drives, cells_of
 from _paper.results import Results
-from _paper.seeds import Apart, OnRoutes, apart_of, cells_of, difference, on_routes_of
+from _paper.seeds import Apart, OnRoutes, apart_of, difference, on_routes_of
 
 __all__ = ["seeds_text"]
 
