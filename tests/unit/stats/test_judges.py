@@ -338,6 +338,26 @@ def test_a_fail_waits_for_no_floor(kind) -> None:
     assert found[0][1] < 220
 
 
+@pytest.mark.parametrize(
+    ("forms", "usual"),
+    [
+        (degradation_forms(0.3), (85.0 * 0.9, 85.0)),
+        (mean_forms(50.0, ">=", margin=10.0, low=0.0, high=100.0), (70.0, 0.0)),
+        (mean_forms(0.5, ">=", margin=0.1, low=0.0, high=1.0), (0.7, 0.0)),
+        (mean_forms(60.0, "<=", margin=10.0, low=0.0, high=100.0), (40.0, 0.0)),
+    ],
+    ids=["RD", "DS", "SR", "at most"],
+)
+def test_before_the_first_route_as_many_are_likely_left_as_scores_a_fifth_off_the_limit_take(
+    forms: LinearForms, usual: tuple[float, float]
+) -> None:
+    expected = judge_by("evidence", forms, planned=220).likely_left(220)
+    judge = judge_by("evidence", forms, planned=220)
+    while judge.read(*usual) is None:
+        pass
+    assert expected == pytest.approx(judge.routes, abs=1)
+
+
 def test_how_many_routes_are_likely_left_counts_those_that_the_floor_takes() -> None:
     plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
     for _ in range(10):
