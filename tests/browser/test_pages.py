@@ -387,6 +387,20 @@ def test_rules_without_a_margin_have_one_shade(opened, tmp_path):
     assert "strong" not in text(page, "main .legend")
 
 
+def test_tests_that_state_the_same_of_the_same_routes_are_told_apart(opened, tmp_path):
+    judged = [
+        replace(judged_as("pass", 55.0), nodeid="a/test_it.py::TestIt::test_paper[ds-clean-ge-50]"),
+        replace(judged_as("pass", 55.0), nodeid="a/test_it.py::test_released[ds-clean-ge-50]"),
+        judged_as("pass", 1.0, metric="SR", limit=0.5),
+    ]
+    page = opened(report_of(tmp_path, make_result("101"), judged=judged)).go()
+    assert page.locator("table.requirements th a").all_inner_texts() == [
+        "DS under clean >= 50, in test_paper",
+        "DS under clean >= 50, in test_released",
+        "SR under clean >= 0.5",
+    ]
+
+
 @pytest.mark.parametrize(
     ("rule", "level", "interval"),
     [("evidence", "90 %", "90 % interval on routes like these"), ("list", "95 %", "95 % interval 40")],

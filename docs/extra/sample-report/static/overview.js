@@ -6,7 +6,9 @@ driveRobust.requirementLink = (item) => driveRobust.link(["requirement", item.ag
 driveRobust.requirementLabel = (item) => {
   const twins = driveRobust.requirementsCalled(item.agent, item.requirement);
   const differ = (of) => new Set(twins.map((twin) => String(of(twin)))).size > 1;
-  return [item.requirement, differ((twin) => twin.routesSpec) ? ` on ${item.routesSpec}` : "", differ((twin) => twin.seeds) ? `, seeds ${item.seeds.join(", ")}` : ""].join("");
+  const words = (twin) => [twin.requirement, differ((other) => other.routesSpec) ? ` on ${twin.routesSpec}` : "", differ((other) => other.seeds) ? `, seeds ${twin.seeds.join(", ")}` : ""].join("");
+  const test = item.nodeid.split("[")[0].split("::").pop();
+  return words(item) + (twins.filter((twin) => words(twin) === words(item)).length > 1 ? `, in ${test}` : "");
 };
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
