@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
+from result_factory import make_result
 
 import drive_robust_agents.tcp
 from drive_robust_agents._nets.manifest import read_manifest
@@ -22,6 +24,7 @@ from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import TRAINING_RIGS
 from drive_robust_agents.training.recipes.recipe import recipe_of
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -208,6 +211,28 @@ def test_an_interrupted_evaluation_says_how_to_go_on(
     routes = ["--routes", str(tmp_path / "fake.xml"), "--store", str(tmp_path / "store")]
     assert main(["evaluate", "--agent", "tcp", "--run", str(run), *routes]) == 130
     assert "stopped; the same command goes on" in capsys.readouterr().out
+
+
+def test_latency_with_a_warm_up_is_compared_with_a_clean_drive_that_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scores = {"clean": 100.0, "0 ms latency (reading=released)": 80.0, "200 ms latency (reading=released)": 40.0}
+
+    def driven(agents: Sequence[str], settings: Sequence[str], routes: Sequence[Route], **_: object) -> object:
+        ended = {name: [make_result(one.id, completion_pct=scores[name]) for one in routes] for name in settings}
+        return {(agent, name): results for agent in agents for name, results in ended.items()}
+
+    monkeypatch.setattr(evaluating, "drive", driven)
+    save_routes([fake_route("7", length_m=20.0), fake_route("8", length_m=20.0)], tmp_path / "fake.xml")
+    late = "200 ms latency (reading=released)"
+    found = evaluating.evaluate(
+        "tcp", [tmp_path / "tcp.safetensors"], routes_spec=str(tmp_path / "fake.xml"), settings=[late], workers=1,
+        store=tmp_path,
+    )  # fmt: skip
+    (one,) = found["candidates"]
+    assert one["driving_score"] == 100.0
+    assert list(one["settings"]) == [late]
+    assert one["settings"][late]["rd"] == pytest.approx(0.5)
 
 
 @pytest.mark.slow
