@@ -50,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> int:
     """Evaluate as the options say, print tables, write `evaluation.json`. Raises `UsageError`."""
     require_positive(given, "workers")
+    if given.json is not None:  # said before hours of driving
+        given.json.parent.mkdir(parents=True, exist_ok=True)
     found = evaluate(
         given.agent, _files(given), routes_spec=given.routes, settings=given.settings, workers=given.workers,
         store=given.store,

@@ -167,6 +167,20 @@ def test_what_cannot_be_used_is_said_with_exit_code_four(
         assert "sees no CUDA device" in refused(capsys, *train, "--frames", str(frames), "--device", "cuda")
 
 
+def test_a_place_that_nobody_can_write_to_is_named_before_anything_is_driven(
+    run: Path, frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr(evaluating, "evaluate", lambda *_, **__: pytest.fail("it drove"))
+    written = ["--run", str(run), "--json", str(file / "found.json")]
+    assert refused(capsys, "evaluate", "--agent", "tcp", *written).startswith(f"{file}: ")
+    collected = ["--routes", "1", "--per-type", "1", "--out", str(file)]
+    assert refused(capsys, "collect", "--agent", "tcp", *collected).startswith(f"{file}: ")
+    trained = ["--frames", str(frames), "--run", str(file), "--batch", "8", "--visits", "8"]
+    assert refused(capsys, "train", "--agent", "tcp", *trained).startswith(f"{file}")
+
+
 def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) -> None:
     file = run / "weights" / "000000005" / "tcp.safetensors"
     factory = candidate(candidate_name("tcp", file).partition(":")[2])
