@@ -202,6 +202,8 @@ def test_a_candidate_takes_the_options_of_its_agent_behind_the_file(run: Path) -
     assert (made.tuning, factory.weights[0]) == ("published", file)
     with pytest.raises(UsageError, match=r"no option of the agent 'tcp' named 'tunin'. Did you mean 'tuning'"):
         candidate(f"tcp={file}+tunin=published")
+    with pytest.raises(UsageError, match="names two files of weights"):
+        candidate(f"tcp={file}+tuning=ours+weights=other.safetensors")
 
 
 def test_training_refuses_frames_of_another_world(
