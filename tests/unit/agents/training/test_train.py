@@ -24,6 +24,7 @@ from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import TRAINING_RIGS
 from drive_robust_agents.training.recipes.recipe import recipe_of
+from drive_robust_agents.training.recipes.tcp import TcpRecipe
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
@@ -105,6 +106,23 @@ def test_a_time_to_train_becomes_a_number_of_steps_that_stays(frames: Path, tmp_
     for _ in range(2):
         assert main(["train", "--agent", "tcp", *arguments]) == 0
     assert json.loads((tmp_path / "settings.json").read_text())["steps"] == 6
+
+
+def test_a_time_to_train_is_reckoned_in_the_precision_of_the_training(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mixed, loss = [], TcpRecipe.loss
+
+    def noted(*given: Any) -> Any:
+        if torch.is_grad_enabled():
+            mixed.append(torch.is_autocast_enabled("cpu"))
+        return loss(*given)
+
+    monkeypatch.setattr(TcpRecipe, "loss", noted)
+    arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--minutes", "0.0001"]
+    assert main(["train", "--agent", "tcp", *arguments, "--dtype", "bfloat16"]) == 0
+    assert len(mixed) == 8 + 6  # timed, then trained
+    assert all(mixed)
 
 
 def test_training_may_begin_with_published_weights(run: Path, frames: Path, tmp_path: Path) -> None:
