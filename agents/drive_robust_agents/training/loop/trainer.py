@@ -86,11 +86,11 @@ class Trainer:
     ) -> None:
         self.recipe, self.feed, self.options, self.run = recipe, feed, options, run
         self.device = torch.device(device)
-        self._claim()
         torch.manual_seed(options.seed)
         self.net = channels_last(recipe.make(options.spec)).to(self.device).train()
         if start is not None:
             begin_with(self.net, options.agent, start)
+        self._claim()  # what cannot begin leaves the folder to another training
         self.average = Average(self.net)
         self._optimizer = _optimizer(self.net, options)
         self._states, self._save_every_s = States(run), save_every_s
