@@ -176,6 +176,7 @@ def test_what_cannot_be_used_is_said_with_exit_code_four(
         zero = refused(capsys, *train, "--frames", str(frames), option, "0")
         assert zero.startswith(f"{option} is 0")
         assert "expected a number above 0" in zero
+    assert "--epochs is inf" in refused(capsys, *train, "--frames", str(frames), "--epochs", "inf")
     assert "--workers is 0" in refused(capsys, "evaluate", "--agent", "tcp", "--run", str(run), "--workers", "0")
     assert "evaluate the run first" in refused(
         capsys, "publish", "--agent", "tcp", "--run", str(tmp_path), "--version", "1.0"
