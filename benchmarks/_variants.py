@@ -29,6 +29,7 @@ from drive_robust_agents.vad import VAD
 from pytest_drive_robust import Control, GlobalPlan, Observation
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.source_files import source_digest
 
 __all__ = ["VARIANTS", "Change", "Variant", "pytest_drive_robust_register"]
 
@@ -195,7 +196,7 @@ class _Changed(LearnedAgent):
 
 
 class Variant:
-    """A factory of one agent with one change. Its code, its weights and the change key its episodes."""
+    """A factory of one agent with one change. Its code and this one, its weights and the change key its episodes."""
 
     def __init__(self, agent: str, name: str) -> None:
         cls, changes = VARIANTS[agent]
@@ -204,7 +205,8 @@ class Variant:
         self.__wrapped__ = cls
         self.__module__, self.__qualname__ = cls.__module__, cls.__qualname__
         self.weights, self.computed_by = cls.weights, cls.computed_by
-        self.configuration = {**getattr(cls, "configuration", {}), "change": repr(self._change)}
+        said = {"change": repr(self._change), "changed by": source_digest(_Changed)}
+        self.configuration = {**getattr(cls, "configuration", {}), **said}
 
     def __call__(self) -> LearnedAgent:
         """Return a new agent, changed."""

@@ -43,8 +43,12 @@ class Driven:
     completed: bool
 
 
-def drives_of(path: Path) -> Iterator[tuple[str, Mapping[object, Driven]]]:
-    """Yield each agent of a file with its clean drives, by what tells them apart: route and seed, or place in the file.
+Place = tuple[str | Path, int]
+"""What tells the drives of an agent apart: route and seed of a report, or official file and place in it."""
+
+
+def drives_of(path: Path) -> Iterator[tuple[str, Mapping[Place, Driven]]]:
+    """Yield each agent of a file with its clean drives; official results name no agent and are called as their file is.
 
     Raises `UsageError` for a file of neither kind.
     """
@@ -82,6 +86,16 @@ def _report(path: Path) -> dict[str, Any] | None:
     return document if isinstance(document, dict) and "episodes" in document else None
 
 
+def _require_same_agent(agent: str, known: Mapping[Place, Driven], more: Mapping[Place, Driven], path: Path) -> None:
+    """Raise `UsageError` for what may be another agent of that name: of official results only the file has one."""
+    official = any(isinstance(source, Path) for source, _ in (*known, *more))
+    if known and official and known.keys().isdisjoint(more):
+        raise UsageError(
+            f"{path} holds {agent!r}, as a file before it does, and official results do not say whether that is the "
+            "same agent. Give each file of them a name of its own."
+        )
+
+
 def row_of(agent: str, drives: Sequence[Driven]) -> tuple[str, ...]:
     """Return the cells of one agent. Raises `UsageError` where fewer than two routes were completed."""
     speeds = [drive.length_m / drive.game_s for drive in drives if drive.completed]
@@ -103,11 +117,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     table = Table(title="m/s of completed routes, without failures")
     for name in ("agent", "drives", "completed", "median m/s (quartiles)", "mean s"):
         table.add_column(name, justify="left" if name == "agent" else "right", no_wrap=True)
-    found: dict[str, dict[object, Driven]] = {}
+    found: dict[str, dict[Place, Driven]] = {}
     try:
         for path in parser.parse_args(argv).files:
             for agent, drives in drives_of(path):
-                found.setdefault(agent, {}).update(drives)
+                known = found.setdefault(agent, {})
+                _require_same_agent(agent, known, drives, path)
+                known.update(drives)
         for agent, drives in found.items():
             table.add_row(*row_of(agent, list(drives.values())))
     except DriveRobustError as error:

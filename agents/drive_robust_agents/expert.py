@@ -35,6 +35,7 @@ from drive_robust_agents._vehicle.mkz import TICK_S
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.arithmetic.scalars import cos, sin, tan
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Expert"]
@@ -61,7 +62,7 @@ class Expert:
 
     `room_s` is how many more seconds it leaves to those whose way it crosses, `halt_s` how long it stands at a stop
     sign. As it knows exactly where everybody is, it needs neither; who learns from it by looking does
-    (`training.data.expert_episode`).
+    (`training.data.expert_episode`). Raises `UsageError` for what is no time.
     """
 
     privileged = True
@@ -69,8 +70,16 @@ class Expert:
     consumes: frozenset[str] = frozenset()
 
     def __init__(self, *, room_s: float = 0.0, halt_s: float = 0.0) -> None:
+        self.check(room_s=room_s, halt_s=halt_s)
         self._room_s, self._halt_s = room_s, halt_s
         self.reset(GlobalPlan(()), 0)
+
+    @classmethod
+    def check(cls, *, room_s: float = 0.0, halt_s: float = 0.0) -> None:
+        """Raise `UsageError` for seconds that are not finite and at least 0."""
+        for name, seconds in (("room_s", room_s), ("halt_s", halt_s)):
+            if not 0.0 <= seconds < math.inf:
+                raise UsageError(f"expert has {name}={seconds!r}, expected seconds from 0 on, as in 'expert:{name}=1'.")
 
     def sensors(self) -> Sequence[CameraSpec]:
         """Return no cameras: it sees the ground truth."""

@@ -27,7 +27,15 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets.answer import GENERATE
 from drive_robust_agents._nets.inference import Network
-from drive_robust_agents._nets.prompts import by_targets, comment, driving, instructed, parse_instruction, prompt_row
+from drive_robust_agents._nets.prompts import (
+    Instruction,
+    by_targets,
+    comment,
+    driving,
+    instructed,
+    parse_instruction,
+    prompt_row,
+)
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._nets.words import CLOSING, decode
 from drive_robust_agents._vehicle import mkz
@@ -40,7 +48,7 @@ from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
-from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 __all__ = ["CAMERAS", "Filtered", "SimLingo"]
 
@@ -104,7 +112,7 @@ class SimLingo(LearnedAgent):
         _require_filter(position_filter)
         self.position_filter = position_filter
         self.commentary, self.safety = commentary, safety
-        self.instruction = None if instruction is None else parse_instruction(instruction)
+        self.instruction = _told(instruction, safety=safety)
         self._method = GENERATE if commentary else "forward"
         super().__init__(
             tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
@@ -115,8 +123,7 @@ class SimLingo(LearnedAgent):
     def check(cls, **options: Any) -> None:
         """Raise `UsageError` for filters and sentences that it does not know, and for what `LearnedAgent` refuses."""
         _require_filter(options.get("position_filter", "published"))
-        if "instruction" in options:
-            parse_instruction(options["instruction"])
+        _told(options.get("instruction"), safety=options.get("safety", False))
         super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -177,6 +184,12 @@ class SimLingo(LearnedAgent):
             control = Control(max(Creep.THROTTLE, least), control.steer)
         self._last = _FULL_BRAKE if self._last is None else self._given(control, observation.speed.mps)
         return self._last
+
+
+def _told(instruction: str | None, *, safety: bool) -> Instruction | None:
+    if instruction is None and safety:
+        raise UsageError("safety=true of simlingo is for an instruction, and it has none that it could refuse.")
+    return None if instruction is None else parse_instruction(instruction)
 
 
 def _require_filter(name: str) -> None:

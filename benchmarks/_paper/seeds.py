@@ -54,8 +54,8 @@ def two_seeds(files: Sequence[Results]) -> tuple[Results, Results]:
     """Return what was driven with the lower seed and with the higher one: the agents and routes that have both.
 
     Raises `ComparisonError` for files of other than two seeds in all, for a seed that is in two files, for seeds that
-    share no agent under the same settings or fewer than two routes, and for an agent with other options, weights or
-    stop of standing cars.
+    share no agent or fewer than two routes, for a route with another definition, and for an agent with other settings,
+    options, weights or stop of standing cars.
     """
     found = sorted((part for results in files for part in _by_seed(results)), key=lambda part: part.seeds)
     seeds = [part.seeds[0] for part in found]
@@ -67,15 +67,25 @@ def two_seeds(files: Sequence[Results]) -> tuple[Results, Results]:
     first, second = found
     if first.world != second.world:
         raise ComparisonError(f"one seed was driven in {dict(first.world)}, the other in {dict(second.world)}.")
-    routes = [route for route, facts in first.routes.items() if second.routes.get(route) == facts]
-    agents = [
-        name
-        for name, driven in first.agents.items()
-        if name in second.agents and driven.settings.keys() == second.agents[name].settings.keys()
-    ]
+    routes = [route for route in first.routes if route in second.routes]
+    agents = [name for name in first.agents if name in second.agents]
     if len(routes) < _SEEDS or not agents:
-        raise ComparisonError("the seeds share fewer than two routes, or no agent under the same settings.")
+        raise ComparisonError("the seeds share fewer than two routes, or no agent.")
+    other = [route for route in routes if first.routes[route] != second.routes[route]]
+    if other:
+        raise ComparisonError(
+            f"the routes {', '.join(other[:5])} have these ids with both seeds, but other definitions."
+        )
     for name in agents:
+        lacking = [
+            *(setting for setting in first.agents[name].settings if setting not in second.agents[name].settings),
+            *(setting for setting in second.agents[name].settings if setting not in first.agents[name].settings),
+        ]
+        if lacking:
+            raise ComparisonError(
+                f"{name} under {', '.join(lacking[:3])} was driven with one of the seeds only. Drive it with the "
+                "other, too, or leave the agent out of one file (`paper.py --only`)."
+            )
         one, other = (part.agents[name].driven_as for part in found)
         if one != other:
             raise ComparisonError(f"{name} was driven as {one} and as {other}. Expected the same with both seeds.")

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import math
+from pathlib import Path
 from typing import Any
 
 import ablations
@@ -20,6 +22,7 @@ from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Spe
 from pytest_drive_robust.domain.route import PlanPoint
 from pytest_drive_robust.errors import UnknownNameError
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.runner.cache_key.identity import agent_identity
 
 NAMES = [(agent, name) for agent, (_, changes) in VARIANTS.items() for name in changes]
 
@@ -121,6 +124,18 @@ def test_two_changes_never_share_an_episode_and_the_published_numbers_are_the_pu
     assert {name: getattr(tuning.TCP_PUBLISHED, name) for name in rule} == dict(rule)
     pedals = VARIANTS["tcp"][1]["ours-but-pedals"].numbers
     assert {name: getattr(tuning.TCP_PUBLISHED, name) for name in pedals} == dict(pedals)
+
+
+def test_a_change_that_does_something_else_since_is_driven_again(tmp_path, monkeypatch) -> None:
+    text = Path(ablations._variants.__file__).read_text()
+    (tmp_path / "edited_variants.py").write_text(text.replace("observation.speed.mps * 0.05", "observation.speed.mps"))
+    monkeypatch.syspath_prepend(tmp_path)
+    keys = set()
+    for module in (ablations._variants, importlib.import_module("edited_variants")):
+        registry = Registry()
+        module.pytest_drive_robust_register(registry)
+        keys.add(agent_identity("variant:vad/memory-by-speedometer", registry))
+    assert len(keys) == 2
 
 
 def test_an_unknown_change_is_refused_with_those_that_there_are() -> None:

@@ -110,14 +110,28 @@ FIRST, SECOND = driven(0, 0.5), driven(1, 0.5)
         ([FIRST], "the files hold the seeds 0. Expected two"),
         ([FIRST, SECOND, SECOND], "the files hold the seeds 0, 1, 1. Expected two, each in one file"),
         ([FIRST, replace(SECOND, world={"simulator": "made-up 2"})], "one seed was driven in"),
-        ([FIRST, replace(SECOND, routes=dict.fromkeys(SECOND.routes, ("Type", "bb")))], "share fewer than two routes"),
-        ([FIRST, replace(SECOND, agents={})], "no agent under the same settings"),
+        (
+            [FIRST, replace(SECOND, routes=dict.fromkeys(SECOND.routes, ("Type", "bb")))],
+            "101, 102, 103, 104, 105 have these",
+        ),
+        ([FIRST, replace(SECOND, routes={"7": ("Type", "aa")})], "share fewer than two routes"),
+        ([FIRST, replace(SECOND, agents={})], "or no agent"),
+        ([FIRST, driven(1, 0.5, names=DRIVEN[:-1])], f"tcp under {DRIVEN[-1]} was driven with one of the seeds only"),
         (
             [FIRST, replace(SECOND, agents={"tcp": replace(SECOND.agents["tcp"], made_of={"weights": "bb"})})],
             "tcp was driven as tcp (weights aa, stopped after 30.0 s) and as tcp (weights bb",
         ),
     ],
-    ids=["one seed", "a seed twice", "another world", "other routes", "no agent", "other weights"],
+    ids=[
+        "one seed",
+        "a seed twice",
+        "another world",
+        "other definitions",
+        "other routes",
+        "no agent",
+        "other settings",
+        "other weights",
+    ],
 )
 def test_what_cannot_be_compared_is_refused(files: Sequence[Results], said: str) -> None:
     with pytest.raises(ComparisonError, match=re.escape(said)):

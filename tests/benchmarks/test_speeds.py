@@ -60,6 +60,22 @@ def test_reports_of_one_agent_are_one_row(tmp_path: Path, capsys: pytest.Capture
     assert [cell.strip() for cell in row.split("│")[2:6]] == ["2", "2", "6.25 (4.38 to 8.12)", "25.0"]
 
 
+def test_official_results_of_equal_names_are_not_taken_for_one_agent(tmp_path: Path) -> None:
+    for agent in ("uniad", "vad"):
+        (tmp_path / agent).mkdir()
+    first, second = (official(tmp_path / agent) for agent in ("uniad", "vad"))
+    main([str(first), str(first)])  # counted once
+    with pytest.raises(SystemExit, match=r"holds 'theirs', as a file before it does"):
+        main([str(first), str(second)])
+    reported = ours(tmp_path, [10.0, 20.0], ["completed"] * 2)
+    for files in (
+        [reported, first.rename(first.with_name("made-up.json"))],
+        [first.with_name("made-up.json"), reported],
+    ):
+        with pytest.raises(SystemExit, match=r"holds 'made-up', as a file before it does"):
+            main([str(file) for file in files])
+
+
 def test_a_folder_of_official_results_is_read_whole(tmp_path: Path) -> None:
     official(tmp_path)
     ((name, drives),) = drives_of(tmp_path)

@@ -5,7 +5,7 @@ used; speed, target point and command as one measurement vector; a GRU that writ
 from (last waypoint, target point); a control branch that attends to the map by the measurements, then at each of four
 future steps by its own and the *trajectory's* hidden state, with Beta distributions of steering and acceleration; a
 speed head that sees the image only; a value head on either branch.
-Not kept: ResNet-34 with ImageNet weights (a four-stage residual net of 0.68 M parameters), the reinforcement-learnt
+Not kept: ResNet-34 with ImageNet weights (a four-stage residual net of 0.69 M parameters), the reinforcement-learnt
 expert whose features and values are distilled (the values here say how free the way is, known to the simulator; there
 is no feature loss).
 """

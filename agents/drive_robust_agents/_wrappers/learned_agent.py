@@ -88,6 +88,11 @@ class LearnedAgent(ABC):
         `options` are those in its name. A device is looked for where the agent is made.
         """
         tuning_called(options.get("tuning", "published"), agent=cls.name)
+        if isinstance(options.get("network"), str):
+            raise UsageError(
+                f"the network of {cls.name!r} is an object that only its constructor can be given. Name a file of "
+                f"weights instead, as in '{cls.name}:weights=FILE'."
+            )
         computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
         LoadedNetwork.check(cls.name, cls.architecture, **computed)
         cls._require_rig(options.get("weights"))

@@ -32,7 +32,7 @@ _IMPORTS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the exit code is 4 for what cannot be used, 130 when interrupted."""
+    """Run the command line; the exit code is 4 for what cannot be used or written, 130 when interrupted."""
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch is imported: its threads spin otherwise
     given = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training", description=__doc__)
@@ -50,6 +50,8 @@ def main(arguments: list[str] | None = None) -> int:
         code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)
     except DriveRobustError as error:
         parser.exit(4, f"{error}\n")
+    except OSError as error:  # of a file or folder that was named, or of a full disk
+        parser.exit(4, f"{error.filename or 'a file'}: {error.strerror or error}.\n")
     except KeyboardInterrupt:  # `collect` and `train` say themselves how far they came
         print("stopped; the same command goes on")
         return 130

@@ -26,12 +26,15 @@ WEIGHTS_SUFFIX = ".safetensors"
 class CandidateFactory:
     """A factory of agents with one weight file. Their code, configuration and weights key their episodes.
 
-    `options` are those of the agent, as they stand behind its name. Raises `UsageError` for options that it lacks.
+    `options` are those of the agent, as they stand behind its name. Raises `UsageError` for options that it lacks, and
+    for other weights.
     """
 
     def __init__(self, agent: str, file: Path, options: str = "") -> None:
         cls = default_registry().entry("agents", agent).load()
         self._make = cast("Callable[..., Agent]", configured(agent, cls, options) if options else cls)
+        if "weights" in getattr(self._make, "keywords", {}):
+            raise UsageError(f"{file.name}+{options} names two files of weights: leave out the option 'weights'.")
         self._file = file
         self.__wrapped__ = cls
         self.__module__ = cls.__module__

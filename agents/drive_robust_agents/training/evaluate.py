@@ -18,6 +18,7 @@ from drive_robust_agents.training.data.routes import VALIDATION_SEED, validation
 from drive_robust_agents.training.drives import degradation, drive, summary
 from drive_robust_agents.training.prerequisites import require_positive
 from drive_robust_agents.training.recipes.recipe import RECIPES
+from pytest_drive_robust import Setting
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR
@@ -49,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> int:
     """Evaluate as the options say, print tables, write `evaluation.json`. Raises `UsageError`."""
     require_positive(given, "workers")
+    if given.json is not None:  # said before hours of driving
+        given.json.parent.mkdir(parents=True, exist_ok=True)
     found = evaluate(
         given.agent, _files(given), routes_spec=given.routes, settings=given.settings, workers=given.workers,
         store=given.store,
@@ -73,19 +76,22 @@ def evaluate(
     store: Path,
     simulator: str = DEFAULT_SIMULATOR,
 ) -> dict[str, Any]:
-    """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score."""
+    """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score.
+
+    A setting with a warm-up is compared with a clean drive that has it, too.
+    """
     described, routes = evaluation_routes(routes_spec)
     names = [candidate_name(agent, file) for file in files]
-    wanted = (_CLEAN, *(setting for setting in settings if setting != _CLEAN))
+    baselines = {setting: str(Setting.parse(setting).baseline) for setting in settings if setting != _CLEAN}
+    wanted = list(dict.fromkeys([_CLEAN, *baselines.values(), *baselines]))
     driven = drive(names, wanted, routes, workers=workers, store=store, simulator=simulator)
     candidates: list[dict[str, Any]] = []
     for name, file in zip(names, files, strict=True):
-        clean = driven[name, _CLEAN]
         under = {
-            setting: summary(driven[name, setting]) | degradation(clean, driven[name, setting])
-            for setting in wanted[1:]
+            setting: summary(driven[name, setting]) | degradation(driven[name, baseline], driven[name, setting])
+            for setting, baseline in baselines.items()
         }
-        candidates.append({"file": str(file.absolute()), **summary(clean), "settings": under})
+        candidates.append({"file": str(file.absolute()), **summary(driven[name, _CLEAN]), "settings": under})
     scores = [one["driving_score"] for one in candidates]
     return {"agent": agent, "routes": described, "best": scores.index(max(scores)), "candidates": candidates}
 

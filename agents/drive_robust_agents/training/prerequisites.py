@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import re
 
 from drive_robust_agents._nets import require
@@ -43,5 +44,5 @@ def require_positive(given: argparse.Namespace, *options: str) -> None:
     """Raise `UsageError` for the first of these options that was given a number which is not above 0."""
     for name in options:
         value = getattr(given, name)
-        if value is not None and not value > 0:
+        if value is not None and not 0 < value < math.inf:
             raise UsageError(f"--{name} is {value}, expected a number above 0.")

@@ -18,7 +18,7 @@ from drive_robust_agents.training.collect import check_cameras, check_complete, 
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
-from drive_robust_agents.training.loop.trainer import Trainer, TrainingOptions
+from drive_robust_agents.training.loop.trainer import Trainer, TrainingOptions, precision
 from drive_robust_agents.training.prerequisites import require_device, require_positive
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
 
@@ -103,7 +103,7 @@ def _options(
     defaults = recipe.defaults
     return TrainingOptions(
         agent=given.agent,
-        steps=_steps(given, recipe, feed, batch),
+        steps=_steps(given, recipe, feed, batch, dtype),
         batch=batch,
         lr=given.lr or defaults.lr,
         weight_decay=defaults.weight_decay,
@@ -118,7 +118,7 @@ def _options(
     )
 
 
-def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch: int) -> int:
+def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch: int, dtype: str) -> int:
     if given.minutes is None:
         epochs = given.epochs
         visits: float = (given.visits or recipe.defaults.visits) if epochs is None else epochs * len(feed.training)
@@ -128,17 +128,19 @@ def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch:
         steps: int = json.loads(known.read_text(encoding="utf-8"))["steps"]
         return steps
     minutes: float = given.minutes
-    return max(_TIMED_STEPS, round(60.0 * minutes / _seconds_per_step(given, recipe, feed)))
+    return max(_TIMED_STEPS, round(60.0 * minutes / _seconds_per_step(given, recipe, feed, dtype)))
 
 
-def _seconds_per_step(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed) -> float:
+def _seconds_per_step(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, dtype: str) -> float:
     """Measure the seconds per step with a network that is thrown away."""
     net = channels_last(recipe.make()).to(given.device).train()
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-5, fused=True)
     times = []
     for batch in feed.batches(0, _TIMED_STEPS + 2):
         begin = time.perf_counter()
-        total, _ = recipe.loss(net, {name: value.to(given.device) for name, value in batch.items()})
+        moved = {name: value.to(given.device) for name, value in batch.items()}
+        with precision(torch.device(given.device), dtype):
+            total, _ = recipe.loss(net, moved)
         total.backward()  # type: ignore[no-untyped-call,unused-ignore]
         optimizer.step()
         optimizer.zero_grad()

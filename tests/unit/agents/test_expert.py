@@ -10,8 +10,10 @@ from privileged_scene import LANE_M, actor, observation, street
 from drive_robust_agents.expert import Expert
 from pytest_drive_robust import Control, GlobalPlan
 from pytest_drive_robust.domain.truth import ActorKind, GroundTruth, LightState
+from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.metrics.score import is_success
 from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -29,6 +31,13 @@ def act(truth: GroundTruth, *, ticks: int = 1, room_s: float = 0.0) -> Control:
 def test_it_stops_for_a_red_light_and_not_for_a_green_one() -> None:
     assert act(street(light=(36.0, LightState.RED), speed_mps=9.0)).brake > 0.2
     assert act(street(light=(36.0, LightState.GREEN), speed_mps=9.0)).brake == 0.0
+
+
+@pytest.mark.parametrize("option", ["room_s=-5", "room_s=nan", "halt_s=nan", "halt_s=inf"])
+def test_seconds_that_nobody_can_wait_are_refused_in_its_name(option: str) -> None:
+    name = option.partition("=")[0]
+    with pytest.raises(UsageError, match=f"expert has {name}=.*as in 'expert:{name}=1'"):
+        default_registry().entry("agents", f"expert:{option}").load().check()
 
 
 def test_it_brakes_for_who_is_about_to_walk_into_the_lane() -> None:

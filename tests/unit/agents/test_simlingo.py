@@ -131,6 +131,12 @@ def test_an_instruction_that_it_does_not_know_is_refused_at_once() -> None:
         agent(instruction="faster drive")
 
 
+def test_safety_without_an_instruction_is_refused() -> None:
+    for made in (agent, SimLingo.check):
+        with pytest.raises(UsageError, match="safety=true of simlingo is for an instruction"):
+            made(safety=True)
+
+
 def test_noise_of_the_gps_hardly_moves_the_target_points() -> None:
     targets = []
     for noise_m in (0.0, 5.0):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from drive_robust_agents.training.loop.progress import Display
     from drive_robust_agents.training.recipes.recipe import TrainingRecipe
 
-__all__ = ["Trainer", "TrainingOptions"]
+__all__ = ["Trainer", "TrainingOptions", "precision"]
 
 _OPTIONS_FILE = "settings.json"
 _VALIDATED_FRAMES = 2048
@@ -86,11 +86,11 @@ class Trainer:
     ) -> None:
         self.recipe, self.feed, self.options, self.run = recipe, feed, options, run
         self.device = torch.device(device)
-        self._claim()
         torch.manual_seed(options.seed)
         self.net = channels_last(recipe.make(options.spec)).to(self.device).train()
         if start is not None:
             begin_with(self.net, options.agent, start)
+        self._claim()  # what cannot begin leaves the folder to another training
         self.average = Average(self.net)
         self._optimizer = _optimizer(self.net, options)
         self._states, self._save_every_s = States(run), save_every_s
@@ -196,8 +196,7 @@ class Trainer:
         return {name: value.pin_memory().to(self.device, non_blocking=True) for name, value in batch.items()}
 
     def _precision(self) -> AbstractContextManager[Any]:
-        dtype = TYPES[self.options.dtype]
-        return nullcontext() if dtype is None else torch.autocast(self.device.type, dtype)
+        return precision(self.device, self.options.dtype)
 
     def _note(self, display: Display) -> None:
         """Validate, show it and append it to the log."""
@@ -227,6 +226,12 @@ class Trainer:
             return
         self.run.mkdir(parents=True, exist_ok=True)
         write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+
+
+def precision(device: torch.device, dtype: str) -> AbstractContextManager[Any]:
+    """Return the context in which a loss is computed in a `dtype` of the options."""
+    kind = TYPES[dtype]
+    return nullcontext() if kind is None else torch.autocast(device.type, kind)
 
 
 def _optimizer(net: nn.Module, options: TrainingOptions) -> torch.optim.AdamW:

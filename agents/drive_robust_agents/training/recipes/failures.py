@@ -47,7 +47,8 @@ def misread(speed: Floats32, generator: np.random.Generator) -> Floats32:
 def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) -> None:
     """Black out a rectangle of every camera of every second row (N, cameras, H, W, 3), each at its own place.
 
-    Its picture of before loses the same one: mud stays. Both are changed in place.
+    Its picture of before loses another one, as the paper's occlusion lies elsewhere in every tick. Both are changed in
+    place.
     """
     rows = generator.random(len(images)) < 0.5
     for pictures in (images, old_images):

@@ -53,6 +53,12 @@ def test_there_is_a_recipe_for_each() -> None:
 
 
 @every_agent
+def test_a_network_that_a_name_says_is_refused_before_anything_drives(agent: type[LearnedAgent]) -> None:
+    with pytest.raises(UsageError, match=f"as in '{agent.name}:weights=FILE'"):
+        default_registry().entry("agents", f"{agent.name}:network=small").load().check()
+
+
+@every_agent
 def test_its_constructor_says_how_the_network_is_run(agent: type[LearnedAgent]) -> None:
     shared = dict(inspect.signature(LearnedAgent).parameters)
     own = dict(inspect.signature(agent).parameters)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +18,7 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.manifest import read_manifest  # noqa: E402
 from drive_robust_agents._nets.prompts import Instruction, Kind  # noqa: E402
 from drive_robust_agents._nets.weights import SHIPPED  # noqa: E402
+from drive_robust_agents.tcp import CAMERAS as TCP_CAMERAS  # noqa: E402
 from drive_robust_agents.training.__main__ import main  # noqa: E402
 from drive_robust_agents.training.instructions import InstructionScore, obeys, table  # noqa: E402
 
@@ -88,3 +91,22 @@ def test_without_frames_the_command_says_how_to_collect_some(
         main(["instructions", str(tmp_path)])
     assert ended.value.code == 4
     assert "collect --agent NAME" in capsys.readouterr().err
+
+
+def test_frames_that_training_refuses_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def said(*arguments: str) -> str:
+        with pytest.raises(SystemExit) as ended:
+            main(["instructions", str(tmp_path), *arguments])
+        assert ended.value.code == 4
+        return capsys.readouterr().err
+
+    assert said("--scenes", "0").startswith("--scenes is 0, expected a number above 0")
+    of_tcp = {"agent": "tcp", "cameras": [asdict(camera) for camera in TCP_CAMERAS]}
+    asked = {"agent": "simlingo", "beta": 0.5, "dagger": None, "per_type": 1, "routes": 1}
+    for other, why in (
+        ({"simulator": "2"}, "was collected in embedded 2, and the world is"),
+        (of_tcp, "was collected for 'tcp', whose cameras are not those of 'simlingo'"),
+        ({}, "holds 0 of the 1 shards that were asked for"),
+    ):
+        (tmp_path / "collect.json").write_text(json.dumps(asked | other))
+        assert why in said("--all")

@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 from frames_on_disk import write_frames
+from result_factory import make_result
 
 import drive_robust_agents.tcp
 from drive_robust_agents._nets.manifest import read_manifest
@@ -22,6 +24,8 @@ from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import TRAINING_RIGS
 from drive_robust_agents.training.recipes.recipe import recipe_of
+from drive_robust_agents.training.recipes.tcp import TcpRecipe
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -104,6 +108,23 @@ def test_a_time_to_train_becomes_a_number_of_steps_that_stays(frames: Path, tmp_
     assert json.loads((tmp_path / "settings.json").read_text())["steps"] == 6
 
 
+def test_a_time_to_train_is_reckoned_in_the_precision_of_the_training(
+    frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mixed, loss = [], TcpRecipe.loss
+
+    def noted(*given: Any) -> Any:
+        if torch.is_grad_enabled():
+            mixed.append(torch.is_autocast_enabled("cpu"))
+        return loss(*given)
+
+    monkeypatch.setattr(TcpRecipe, "loss", noted)
+    arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--minutes", "0.0001"]
+    assert main(["train", "--agent", "tcp", *arguments, "--dtype", "bfloat16"]) == 0
+    assert len(mixed) == 8 + 6  # timed, then trained
+    assert all(mixed)
+
+
 def test_training_may_begin_with_published_weights(run: Path, frames: Path, tmp_path: Path) -> None:
     start = run / "weights" / "000000005" / "tcp.safetensors"
     arguments = ["--frames", str(frames), "--run", str(tmp_path), "--batch", "8", "--visits", "8", "--lr", "1e-9"]
@@ -155,6 +176,7 @@ def test_what_cannot_be_used_is_said_with_exit_code_four(
         zero = refused(capsys, *train, "--frames", str(frames), option, "0")
         assert zero.startswith(f"{option} is 0")
         assert "expected a number above 0" in zero
+    assert "--epochs is inf" in refused(capsys, *train, "--frames", str(frames), "--epochs", "inf")
     assert "--workers is 0" in refused(capsys, "evaluate", "--agent", "tcp", "--run", str(run), "--workers", "0")
     assert "evaluate the run first" in refused(
         capsys, "publish", "--agent", "tcp", "--run", str(tmp_path), "--version", "1.0"
@@ -162,6 +184,20 @@ def test_what_cannot_be_used_is_said_with_exit_code_four(
     assert "holds no weights of 'tcp'" in refused(capsys, "evaluate", "--agent", "tcp", "--run", str(tmp_path))
     if not torch.cuda.is_available():
         assert "sees no CUDA device" in refused(capsys, *train, "--frames", str(frames), "--device", "cuda")
+
+
+def test_a_place_that_nobody_can_write_to_is_named_before_anything_is_driven(
+    run: Path, frames: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr(evaluating, "evaluate", lambda *_, **__: pytest.fail("it drove"))
+    written = ["--run", str(run), "--json", str(file / "found.json")]
+    assert refused(capsys, "evaluate", "--agent", "tcp", *written).startswith(f"{file}: ")
+    collected = ["--routes", "1", "--per-type", "1", "--out", str(file)]
+    assert refused(capsys, "collect", "--agent", "tcp", *collected).startswith(f"{file}: ")
+    trained = ["--frames", str(frames), "--run", str(file), "--batch", "8", "--visits", "8"]
+    assert refused(capsys, "train", "--agent", "tcp", *trained).startswith(f"{file}")
 
 
 def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) -> None:
@@ -185,6 +221,8 @@ def test_a_candidate_takes_the_options_of_its_agent_behind_the_file(run: Path) -
     assert (made.tuning, factory.weights[0]) == ("published", file)
     with pytest.raises(UsageError, match=r"no option of the agent 'tcp' named 'tunin'. Did you mean 'tuning'"):
         candidate(f"tcp={file}+tunin=published")
+    with pytest.raises(UsageError, match="names two files of weights"):
+        candidate(f"tcp={file}+tuning=ours+weights=other.safetensors")
 
 
 def test_training_refuses_frames_of_another_world(
@@ -208,6 +246,28 @@ def test_an_interrupted_evaluation_says_how_to_go_on(
     routes = ["--routes", str(tmp_path / "fake.xml"), "--store", str(tmp_path / "store")]
     assert main(["evaluate", "--agent", "tcp", "--run", str(run), *routes]) == 130
     assert "stopped; the same command goes on" in capsys.readouterr().out
+
+
+def test_latency_with_a_warm_up_is_compared_with_a_clean_drive_that_has_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scores = {"clean": 100.0, "0 ms latency (reading=released)": 80.0, "200 ms latency (reading=released)": 40.0}
+
+    def driven(agents: Sequence[str], settings: Sequence[str], routes: Sequence[Route], **_: object) -> object:
+        ended = {name: [make_result(one.id, completion_pct=scores[name]) for one in routes] for name in settings}
+        return {(agent, name): results for agent in agents for name, results in ended.items()}
+
+    monkeypatch.setattr(evaluating, "drive", driven)
+    save_routes([fake_route("7", length_m=20.0), fake_route("8", length_m=20.0)], tmp_path / "fake.xml")
+    late = "200 ms latency (reading=released)"
+    found = evaluating.evaluate(
+        "tcp", [tmp_path / "tcp.safetensors"], routes_spec=str(tmp_path / "fake.xml"), settings=[late], workers=1,
+        store=tmp_path,
+    )  # fmt: skip
+    (one,) = found["candidates"]
+    assert one["driving_score"] == 100.0
+    assert list(one["settings"]) == [late]
+    assert one["settings"][late]["rd"] == pytest.approx(0.5)
 
 
 @pytest.mark.slow

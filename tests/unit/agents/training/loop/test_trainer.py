@@ -158,6 +158,19 @@ def test_a_folder_with_another_training_is_refused(frames: Frames, tmp_path: Pat
         )
 
 
+def test_weights_that_it_cannot_begin_with_leave_the_folder_to_another_training(frames: Frames, tmp_path: Path) -> None:
+    start = published(tmp_path / "published")
+    with pytest.raises(UsageError, match="does not hold the tensors"):
+        Trainer(
+            TcpRecipe(),
+            Feed(frames, TcpRecipe(), batch=8, seed=0),
+            type(tiny_options())(**{**_fields(tiny_options()), "spec": None}),
+            tmp_path / "run",
+            start=start,
+        )
+    trainer(frames, tmp_path / "run", start=start)
+
+
 def test_a_damaged_state_is_refused_with_what_to_do(frames: Frames, tmp_path: Path, display: Display) -> None:
     trainer(frames, tmp_path).train(display, candidates={}, stop_after=2)
     (state,) = (tmp_path / "state").iterdir()
