@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import pytest
 
+from pytest_drive_robust.errors import first_few
+
 _MOST_NAMED = 5
 
 
@@ -76,8 +78,7 @@ def _changed(before: dict[str, str]) -> list[str]:
 
 
 def _told(changed: list[str]) -> str:
-    more = len(changed) - _MOST_NAMED
-    named = ", ".join(changed[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    named = first_few(changed, _MOST_NAMED)
     return (
         "drive-robust: changed since the tests were collected, and not for the agent, which drives with the "
         f"environment of then: {named}. Set it before pytest starts or as conftest.py is imported, or make it an "
