@@ -14,7 +14,7 @@ from pytest_drive_robust.report.promise import OPEN
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.multiple_verdicts import any_wrong
 from pytest_drive_robust.store.events import Judged
-from pytest_drive_robust.verdict.evaluate import immunity
+from pytest_drive_robust.verdict.touched import immunity
 
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
