@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -104,14 +105,13 @@ def _executor(
     ticked: Callable[[], object],
 ) -> Executor:
     """Return the executor that was asked for; `scopes` know the agents of the plan at the first episode."""
-    world = simulator_options(options)
     if execution.executor == "inline":
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
 
         return InlineExecutor(
             default_registry(),
             simulator=options.simulator,
-            options=world,
+            options=simulator_options(options),
             ticked=ticked,
             width=execution.lockstep,
             folder=config.invocation_params.dir,
@@ -121,20 +121,7 @@ def _executor(
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
-
-    def worker_setup() -> WorkerSetup:
-        """Return how a fresh process comes to know the names that this one knows."""
-        own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
-        return WorkerSetup(
-            python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
-            folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
-            plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
-            simulator=options.simulator,
-            options=world,
-            preload_agents=scopes.agents,
-            environment=tuple(own.items()),
-        )
-
+    worker_setup = partial(_worker_setup, config, options, execution, scopes)
     if execution.executor == "ray":
         from pytest_drive_robust.engine.ray.executor import RayExecutor
 
@@ -148,6 +135,22 @@ def _executor(
         width=execution.lockstep,
         shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
         check_loaded=scopes.require_unchanged_code if options.store != "off" else lambda: None,
+    )
+
+
+def _worker_setup(
+    config: pytest.Config, options: RunOptions, execution: ExecutionOptions, scopes: Scopes
+) -> WorkerSetup:
+    """Return how a fresh process comes to know the names that this one knows."""
+    own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
+    return WorkerSetup(
+        python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
+        folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+        simulator=options.simulator,
+        options=simulator_options(options),
+        preload_agents=scopes.agents,
+        environment=tuple(own.items()),
     )
 
 
