@@ -148,7 +148,7 @@ def start_folder(given: GivenText) -> Path:
 
 
 def route_set(given: GivenText) -> str:
-    """Return the routes as they were said; a file that the ini file names by a path from the root, by one from here."""
+    """Return the routes as they were said; a path in the ini file counts from the root folder: return it from here."""
     if given.source is None or asked_for(given.flag, given.source):
         return given.text
     return routes_from_root(given.text, given.source.rootpath, Path.cwd())

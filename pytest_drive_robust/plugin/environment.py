@@ -18,9 +18,10 @@ _MOST_NAMED = 5
 
 
 class _Variables(NamedTuple):
-    """`collected` are those of the agents; `known` those that no test has changed; `told` the names that one has.
+    """What is remembered of the environment: a change that a test makes does not reach the agents.
 
-    What driving changes is known, as some libraries set variables when they are loaded.
+    `collected` holds the variables that agents get; `known` those that no test has changed, where a change by driving
+    counts as known, as some libraries set variables when they are loaded; `told` the names that were warned about.
     """
 
     collected: dict[str, str]

@@ -118,7 +118,7 @@ class CellComparison:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All of it.
+    """How the run `after` compares with the run `before`, cell by cell.
 
     `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none. `elsewhere`
     counts the settings that one of the runs holds and the other one lacks.
