@@ -9,7 +9,8 @@ from pathlib import Path
 from pytest_drive_robust.cli.pytest_options import add_pytest_option
 from pytest_drive_robust.cli.references import add_run, references_of
 from pytest_drive_robust.regression import clock, git
-from pytest_drive_robust.regression.baselines import Blessing, bless
+from pytest_drive_robust.regression.baselines import Blessing
+from pytest_drive_robust.regression.bless import bless
 
 _DESCRIPTION = """Accepts a run as the baseline that later runs are compared with. In the embedded world it holds to
 the bit on any machine, with any version of Python and of libraries that we allow, for agents that promise it

@@ -59,7 +59,7 @@ class Supervisor:
         return self.drive_request(WorkerRequest.of(request, width=width))
 
     def drive_request(self, request: WorkerRequest) -> EpisodeResult:
-        """Do the same for a request from another machine.
+        """Drive the episode of a request, as `drive` does; another machine sends requests ready made.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all, and `Stopped` after `stop`.
         """

@@ -108,7 +108,7 @@ def writable_file(given: GivenText) -> Path | None:
         raise UsageError(f"{given.flag} is {given.text!r}, which is a folder; expected a file, as in {example}.")
     if path.exists() and not path.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a pipe or a device; expected a file.")
-    _require_writable(given, Path(os.path.realpath(path)))  # a link stays
+    _require_place(given, Path(os.path.realpath(path)))  # a link stays
     return path.absolute()
 
 
@@ -120,11 +120,11 @@ def writable_folder(given: GivenText) -> Path | None:
     if not given.text:
         return None
     path = (start_folder(given) / given.text).absolute()
-    _require_writable(given, path)
+    _require_place(given, path)
     return path
 
 
-def _require_writable(given: GivenText, path: Path) -> None:
+def _require_place(given: GivenText, path: Path) -> None:
     """Raise `UsageError` where `path` could not be written or made."""
     if not path.parent.is_dir():
         missing, similar = str(path.parent), _similar(path.parent)
@@ -148,7 +148,7 @@ def start_folder(given: GivenText) -> Path:
 
 
 def route_set(given: GivenText) -> str:
-    """Return the routes as they were said; a file that the ini file names by a path from the root, by one from here."""
+    """Return the routes as they were said; a path in the ini file counts from the root folder: return it from here."""
     if given.source is None or asked_for(given.flag, given.source):
         return given.text
     return routes_from_root(given.text, given.source.rootpath, Path.cwd())

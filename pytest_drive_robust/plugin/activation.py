@@ -13,9 +13,10 @@ import pytest
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin import xdist
-from pytest_drive_robust.plugin.backends import backend_for, external_options
+from pytest_drive_robust.plugin.backends import backend_for
 from pytest_drive_robust.plugin.collection import CollectionPlugin
 from pytest_drive_robust.plugin.driving import DrivingPlugin
+from pytest_drive_robust.plugin.external_options import external_options
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
 from pytest_drive_robust.plugin.interrupt import InterruptPlugin
 from pytest_drive_robust.plugin.judging import DriveContext

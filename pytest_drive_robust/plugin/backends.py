@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,13 +14,12 @@ import pytest
 
 from pytest_drive_robust.engine.platform_check import check_platform
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
-from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.option import asked_for
 from pytest_drive_robust.options.run import BENCH2DRIVE, DEFAULT_STORE, RESULTS, RunOptions
-from pytest_drive_robust.options.table import OPTIONS
 from pytest_drive_robust.plugin.environment import environment_of
-from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
+from pytest_drive_robust.plugin.external_options import RESULTS_READ
+from pytest_drive_robust.plugin.process_roles import is_worker
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executor import Executor
@@ -28,96 +28,8 @@ from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore
 
-if TYPE_CHECKING:  # few sessions judge results, or drive in the official evaluator
+if TYPE_CHECKING:  # few sessions drive in the official evaluator
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
-    from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
-
-_RESULTS = pytest.StashKey["ResultsExecutor"]()
-_DRIVES_BY_ITSELF = (
-    f"--drive-sim {BENCH2DRIVE}: the official evaluator drives in processes and by rules of its own, and keeps its "
-    "records. Leave it out; --drive-episode-timeout, --drive-workers, --drive-store=FOLDER and --drive-fresh do have "
-    "an effect."
-)
-_READS_RESULTS = "--drive-results, which judges what was driven before. Leave it out."
-
-
-def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
-    """Return the options of a run where somebody else drives or has driven: nothing is kept in our store.
-
-    The evaluator keeps its own records and ends episodes by rules of its own. Results are read here: where nobody gave
-    seeds their repetitions are the seeds, in the header of every process too. Raises `UsageError` for options that do
-    not go together.
-    """
-    if execution.results:
-        if options.simulator == BENCH2DRIVE and not asked_for("--drive-results", config):
-            raise UsageError("--drive-results judges what was driven before: leave --drive-sim bench2drive out.")
-        _refuse_unheeded(config, _unheeded_by_results(config, options, execution), why=_READS_RESULTS)
-        agent = config.getoption("drive_agent") or config.getini("drive_agent") or RESULTS
-        results = _read_results(config, options, execution)
-        seeds = options.seeds if options.seeds_given else results.repetitions
-        return replace(options, agent=agent, simulator=RESULTS, seeds=seeds)
-    if options.simulator != BENCH2DRIVE:
-        return options
-    if not execution.b2d_root:
-        raise UsageError(
-            "--drive-sim bench2drive needs --drive-b2d-root=FOLDER, a checkout of Bench2Drive; "
-            "`drive-robust doctor --root FOLDER` says what else is missing."
-        )
-    if is_controller(config):
-        raise UsageError(
-            "--drive-sim bench2drive drives from one process: leave -n out; --drive-workers N gives N CARLA servers."
-        )
-    _refuse_unheeded(config, _unheeded_by_evaluator(options, execution), why=_DRIVES_BY_ITSELF)
-    return replace(options, stuck_stop_s=None)
-
-
-def _read_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> ResultsExecutor:
-    """Read what `--drive-results` names, once in each process. Raises `UsageError`."""
-    from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
-
-    known = default_registry().perturbations()
-    start = None if asked_for("--drive-results", config) else config.rootpath  # a file of the project names them
-    results = ResultsExecutor.read(execution.results, known, options.asked_reading, start=start)
-    config.stash[_RESULTS] = results
-    return results
-
-
-def _unheeded_by_evaluator(options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
-    """Return for each flag that the official evaluator does not know whether it asks for something."""
-    return {
-        "--drive-act-timeout": execution.act_timeout_s is not None,
-        "--drive-memory": execution.memory_bytes is not None,
-        "--drive-stuck-stop": options.stuck_stop_s is not None,
-        "--drive-lockstep": execution.lockstep is not None,
-        "--drive-executor": execution.executor in ("inline", "ray"),
-        "--drive-store": options.store == "off",  # its records are kept
-        "--drive-probe": options.probe,
-    }
-
-
-def _unheeded_by_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
-    """Return for each flag of driving whether it asks for something: results are driven already."""
-    return {
-        **_unheeded_by_evaluator(options, execution),
-        "--drive-sim": True,
-        "--drive-store": options.store != "off",
-        "--drive-fresh": options.fresh,
-        "--drive-workers": execution.workers is not None,
-        "--drive-episode-timeout": execution.episode_timeout_s is not None,
-        "--drive-executor": config.getoption("drive_executor") != "auto",
-    }
-
-
-def _refuse_unheeded(config: pytest.Config, unheeded: Mapping[str, bool], *, why: str) -> None:
-    """Raise `UsageError` for a flag of `unheeded` that the command line asks for.
-
-    The ini file may ask for it: it is of other runs, too.
-    """
-    for flag, is_unheeded in unheeded.items():
-        if is_unheeded and asked_for(flag, config):
-            option = OPTIONS[flag]
-            given = flag if option.is_switch else f"{flag} {config.getoption(option.name)}"
-            raise UsageError(f"{given} has no effect with {why}")
 
 
 def backend_for(
@@ -152,7 +64,7 @@ def _external_backend(
 
     registry = default_registry()
     if options.simulator == RESULTS:
-        results = config.stash[_RESULTS]
+        results = config.stash[RESULTS_READ]
         return ResultsScopes(options, registry, resolve_routes, results), results
     evaluator = _evaluator(config, options, execution)
     return ExternalScopes(options, registry, resolve_routes, evaluator), evaluator
@@ -193,14 +105,13 @@ def _executor(
     ticked: Callable[[], object],
 ) -> Executor:
     """Return the executor that was asked for; `scopes` know the agents of the plan at the first episode."""
-    world = simulator_options(options)
     if execution.executor == "inline":
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
 
         return InlineExecutor(
             default_registry(),
             simulator=options.simulator,
-            options=world,
+            options=simulator_options(options),
             ticked=ticked,
             width=execution.lockstep,
             folder=config.invocation_params.dir,
@@ -210,20 +121,7 @@ def _executor(
     limits = Limits(
         episode_s=execution.episode_timeout_s, act_s=execution.act_timeout_s, memory_bytes=execution.memory_bytes
     )
-
-    def worker_setup() -> WorkerSetup:
-        """Return how a fresh process comes to know the names that this one knows."""
-        own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
-        return WorkerSetup(
-            python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
-            folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
-            plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
-            simulator=options.simulator,
-            options=world,
-            preload_agents=scopes.agents,
-            environment=tuple(own.items()),
-        )
-
+    worker_setup = partial(_worker_setup, config, options, execution, scopes)
     if execution.executor == "ray":
         from pytest_drive_robust.engine.ray.executor import RayExecutor
 
@@ -237,6 +135,22 @@ def _executor(
         width=execution.lockstep,
         shares=lambda agent: factory_offers_lockstep(agent, default_registry()),
         check_loaded=scopes.require_unchanged_code if options.store != "off" else lambda: None,
+    )
+
+
+def _worker_setup(
+    config: pytest.Config, options: RunOptions, execution: ExecutionOptions, scopes: Scopes
+) -> WorkerSetup:
+    """Return how a fresh process comes to know the names that this one knows."""
+    own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
+    return WorkerSetup(
+        python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
+        folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
+        plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
+        simulator=options.simulator,
+        options=simulator_options(options),
+        preload_agents=scopes.agents,
+        environment=tuple(own.items()),
     )
 
 

@@ -12,13 +12,16 @@ from typing import NamedTuple
 
 import pytest
 
+from pytest_drive_robust.errors import first_few
+
 _MOST_NAMED = 5
 
 
 class _Variables(NamedTuple):
-    """`collected` are those of the agents; `known` those that no test has changed; `told` the names that one has.
+    """What is remembered of the environment: a change that a test makes does not reach the agents.
 
-    What driving changes is known, as some libraries set variables when they are loaded.
+    `collected` holds the variables that agents get; `known` those that no test has changed, where a change by driving
+    counts as known, as some libraries set variables when they are loaded; `told` the names that were warned about.
     """
 
     collected: dict[str, str]
@@ -76,8 +79,7 @@ def _changed(before: dict[str, str]) -> list[str]:
 
 
 def _told(changed: list[str]) -> str:
-    more = len(changed) - _MOST_NAMED
-    named = ", ".join(changed[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    named = first_few(changed, _MOST_NAMED)
     return (
         "drive-robust: changed since the tests were collected, and not for the agent, which drives with the "
         f"environment of then: {named}. Set it before pytest starts or as conftest.py is imported, or make it an "

@@ -79,7 +79,7 @@ class OpenRequests:
         self._open: list[tuple[EpisodesNeeded, list[EpisodeRequest]]] = []
 
     def requests(self) -> Iterator[EpisodeRequest]:
-        """Yield them in the order in which they are read, one test after the other. Raises `UsageError`."""
+        """Yield the open requests, one test after the other, each as it reads them. Raises `UsageError`."""
         for event in self._journals.read():
             if isinstance(event, EpisodesNeeded):  # clean episodes come alone first, then named by what needs them
                 self._open = [(needed, requests) for needed, requests in self._open if needed.keys != event.clean_keys]

@@ -40,10 +40,11 @@ from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign, Judgement
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.runner.verdict_events import searched
-from pytest_drive_robust.verdict.evaluate import Verdict, require_touched
+from pytest_drive_robust.verdict.evaluate import Verdict
 from pytest_drive_robust.verdict.largest_severity import Bracket, largest
 from pytest_drive_robust.verdict.requirement import MarginRequirement, Requirement
 from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_failure
+from pytest_drive_robust.verdict.touched import require_touched
 
 ONE_AT_A_TIME = threading.RLock()
 """Held by whatever asks for episodes: a test may do so from several threads, the campaign answers one at a time."""

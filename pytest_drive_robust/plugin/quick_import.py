@@ -12,7 +12,7 @@ from _pytest.assertion.rewrite import AssertionRewritingHook
 
 @contextmanager
 def quick_import() -> Iterator[None]:
-    """Leave asserts as they are, since ours are no tests, and collect no garbage: modules are none.
+    """Import modules without rewriting their asserts, which are no tests, and without looking for garbage.
 
     pytest rewrites the asserts of every module of an installed plugin: that takes longer than all other imports in the
     first session after the installation, and a tenth of them later.

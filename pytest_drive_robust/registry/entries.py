@@ -28,7 +28,7 @@ class PartialFactory(functools.partial[Any]):
 
     @classmethod
     def of(cls, factory: Any) -> Any:
-        """Return a `functools.partial` as one that tells what its factory says; anything else as it is."""
+        """Return a `functools.partial` as an object of this class, and anything else as it is."""
         if type(factory) is not functools.partial:
             return factory
         made = cls(factory.func, *factory.args, **factory.keywords)

@@ -24,7 +24,7 @@ _CONFTEST = "conftest.py"
 
 
 def naming_plugins(manager: PluginManager) -> list[object]:
-    """Return those that register names, in the order of their registration."""
+    """Return the pytest plugins that register names, in the order of their registration."""
     return [plugin for _, plugin in manager.list_name_plugin() if plugin is not None and hasattr(plugin, _HOOK)]
 
 
@@ -43,7 +43,7 @@ def plugin_source(plugin: object) -> tuple[str, str]:
 
 
 def plugin_words(manager: PluginManager) -> tuple[str, ...]:
-    """Return what `drive-robust -p` takes for those that register names: a module, or the path of a `conftest.py`.
+    """Return what `drive-robust -p` takes for plugins that register names: a module, or the path of a `conftest.py`.
 
     The path starts from the current folder where the file lies below it. What is no module in a file is left out.
     """

@@ -169,7 +169,7 @@ class Registry:
         return classes
 
     def _indistinct(self, classes: Mapping[str, type[Perturbation]]) -> set[str]:
-        """Return the names of those that share a sentence. What was told apart once is not compared again."""
+        """Return the names of failures that share a sentence. Two that were told apart once are not compared again."""
         from pytest_drive_robust.perturbations import BUILTIN
 
         found: set[str] = set()
@@ -204,7 +204,8 @@ class Registry:
     def names(self, kind: str) -> list[tuple[str, str]]:
         """Return (name, origin) of every entry of a kind, sorted, nothing loaded.
 
-        One with an argument is `gymnasium:ID`."""
+        One with an argument is `gymnasium:ID`.
+        """
         return sorted(
             (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
         )

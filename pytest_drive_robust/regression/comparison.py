@@ -31,14 +31,12 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
         raise UsageError(_nothing_in_common(before, after))
     cells = tuple(_compared(before, after, cells, terms) for cells in shared.compared)
     found = [*shared.mismatches, *(item for cells in shared.compared for item in _cell_mismatches(*cells))]
-    first = next(score for cell in after.cells.values() for score in cell.routes.values())
     return Comparison(
         before=before,
         after=after,
         terms=terms,
         cells=cells,
         mismatches=tuple(dict.fromkeys(found)),
-        fingerprint=first.fingerprint,
         notes=tuple(sorted((*shared.notes, *shared.lacking, *_about_rules(cells)))),
         unscored=tuple(f"{cell.agent} under {cell.setting}: {_not_scored(cell)}" for cell in shared.unscored),
         elsewhere=len(shared.lacking),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pytest_drive_robust.regression.allowance import DEFAULT_ALLOWANCES, Allowance
-from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy
+from pytest_drive_robust.regression.fingerprint import Mismatch, MismatchPolicy
 from pytest_drive_robust.regression.snapshot import RouteScore, Snapshot
 from pytest_drive_robust.regression.verdicts import Quartet, Rise, rise_of
 
@@ -118,7 +118,7 @@ class CellComparison:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """All of it. `fingerprint` is that of the new run's first agent, for replay commands.
+    """How the run `after` compares with the run `before`, cell by cell.
 
     `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none. `elsewhere`
     counts the settings that one of the runs holds and the other one lacks.
@@ -129,7 +129,6 @@ class Comparison:
     terms: Terms
     cells: tuple[CellComparison, ...]
     mismatches: tuple[Mismatch, ...]
-    fingerprint: Fingerprint
     notes: tuple[str, ...] = ()
     unscored: tuple[str, ...] = ()
     elsewhere: int = 0

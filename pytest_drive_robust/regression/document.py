@@ -15,8 +15,11 @@ from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.store.episode_fields import result_of
 from pytest_drive_robust.verdict.explain import describe_outcome
 
-_SCHEMA = 1
-"""The `schema` of the runs that are understood here."""
+SCHEMA = 1
+"""The `schema` of the runs that are written and understood.
+
+It grows when a key changes its meaning or goes away, not when one is added.
+"""
 _OBJECTS = ("settings", "versions", "fingerprint", "stored")
 _LISTS = ("summaries", "episodes", "requirements", "searches", "notes")
 """The parts of a document. Runs that were saved before a part was told lack it, and `stored` may be null."""
@@ -47,10 +50,9 @@ def read_document(path: Path) -> dict[str, Any]:
         raise damaged(str(path), error) from None
     if not isinstance(document, dict) or any(name not in document for name in ("settings", "summaries", "episodes")):
         raise UsageError(f"{str(path)!r} is not a run: expected a file written by --drive-save or --drive-json.")
-    if document.get("schema") != _SCHEMA:
+    if document.get("schema") != SCHEMA:
         raise UsageError(
-            f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {_SCHEMA}. "
-            "Drive it again."
+            f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {SCHEMA}. Drive it again."
         )
     wrong = [name for name in _OBJECTS if not isinstance(document.get(name), (dict, type(None)))]
     wrong += [name for name in _LISTS if not isinstance(document.get(name, []), list)]

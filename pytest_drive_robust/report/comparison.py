@@ -119,8 +119,8 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
         failing = [flip for flip in cell.flips if flip.fails]
         passing = [flip for flip in cell.flips if not flip.fails]
-        yield from _flips(comparison, cell, failing, most=_MOST_FAILING)
-        yield from _flips(comparison, cell, passing, most=_MOST_PASSING)
+        yield from _flips(cell, failing, most=_MOST_FAILING)
+        yield from _flips(cell, passing, most=_MOST_PASSING)
 
 
 def _mean_lines(comparison: Comparison) -> Iterator[str]:
@@ -150,14 +150,14 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
     return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(finding.routes, 'route')}"
 
 
-def _flips(comparison: Comparison, cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:
+def _flips(cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:
     for flip in flips[:most]:
         word = "newly failing" if flip.fails else "newly passing"
         yield f"  {word}: {flip.after.route_id} {flip.after.scenario}"
         yield _story("was", flip.before)
         yield _story("is", flip.after)
         if flip.fails and cell.routes_spec:  # else nothing tells which file holds the route
-            yield from _replay(comparison, cell, flip.after)
+            yield from _replay(cell, flip.after)
     if len(flips) > most:
         rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])
         more = " ..." if len(flips) > most + 10 else ""
@@ -168,7 +168,7 @@ def _story(word: str, score: RouteScore) -> str:
     return cut(f"    {word:<4}{score.ds:6.1f}  {score.outcome}")
 
 
-def _replay(comparison: Comparison, cell: CellComparison, score: RouteScore) -> Iterator[str]:
+def _replay(cell: CellComparison, score: RouteScore) -> Iterator[str]:
     fingerprint = score.fingerprint
     options = RunOptions(
         simulator=fingerprint.simulator,

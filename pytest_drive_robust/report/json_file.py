@@ -11,14 +11,12 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
-from pytest_drive_robust.regression.document import json_text
+from pytest_drive_robust.regression.document import SCHEMA, json_text
 from pytest_drive_robust.report.comparison import conclusion
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
 from pytest_drive_robust.store.episode_fields import fields_of
 from pytest_drive_robust.store.whole_file import write_whole
 
-SCHEMA = 1
-"""Grows when a key changes its meaning or goes away, not when one is added."""
 _SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "signs_between", "episodes", "agent_errors")
 
 

@@ -47,10 +47,6 @@ def _side(value: float, limit: float) -> int:
     return 1 if value > limit else -1
 
 
-OPEN = "not shown to be broken, nor to hold within its margin"
-"""What is said of an inconclusive verdict that has no message of its own."""
-
-
 def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
     """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
     return f"{100.0 * confidence:.3g} % interval {ends_text(metric, low, high)}"

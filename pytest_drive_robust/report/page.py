@@ -104,7 +104,7 @@ class Page:
 
     @property
     def text(self) -> str:
-        """All of it, without blanks at the ends of lines."""
+        """Return what was printed so far, without blanks at the ends of lines."""
         return "\n".join(line.rstrip() for line in self._stream.getvalue().splitlines())
 
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.report.numbers import counted
 
+OPEN = "not shown to be broken, nor to hold within its margin"
+"""What is said of an inconclusive verdict that has no message of its own."""
+
 
 def confidence(rule: str, alpha: float) -> float:
     """Return how sure the interval of a verdict is: `alpha` is left on each side where evidence was read."""

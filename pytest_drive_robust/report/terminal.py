@@ -8,12 +8,13 @@ from functools import partial
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import OPEN, legible, lower_end, shown, shown_beside
+from pytest_drive_robust.report.numbers import legible, lower_end, shown, shown_beside
 from pytest_drive_robust.report.page import WIDTH, Page
+from pytest_drive_robust.report.promise import OPEN
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
 from pytest_drive_robust.stats.multiple_verdicts import any_wrong
 from pytest_drive_robust.store.events import Judged
-from pytest_drive_robust.verdict.evaluate import immunity
+from pytest_drive_robust.verdict.touched import immunity
 
 _MAX_ERRORS = 10
 _REPLAY = "  replay"

@@ -70,7 +70,7 @@ def _log(rerun: Any, recording: Any, item: Item) -> None:
 
 
 def _shapes(rerun: Any, shapes: Shapes) -> Iterator[Any]:
-    """Yield boxes and lines, also where there are none: those of before must go."""
+    """Yield boxes and lines, empty ones too: an empty one takes what the last tick drew off the screen."""
     boxes, lines = shapes.boxes, [(line, kind) for kind in shapes.lines for line in kind.lines]
     yield rerun.Boxes3D(
         centers=[(box.pose.x_m, box.pose.y_m, box.size_m[2] / 2.0) for box in boxes],

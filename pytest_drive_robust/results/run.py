@@ -71,7 +71,7 @@ class Run:
         route_id: str | None = None,
         seed: int | None = None,
     ) -> Run:
-        """Return the same with fewer episodes. Raises `UnknownNameError` for a name that the run does not hold."""
+        """Return the run with only these episodes. Raises `UnknownNameError` for a name that the run does not hold."""
         kept = self.episodes
         for name, given in (("agent", agent), ("setting", setting), ("route_id", route_id), ("seed", seed)):
             if given is None:

@@ -93,14 +93,14 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class RouteRequests:
-    """Episodes under one setting with their clean twins (none when nothing is compared), of a route over all seeds."""
+    """Episodes under one setting with their clean twins (none when nothing is compared), of one route or of several."""
 
     clean: tuple[EpisodeRequest, ...]
     perturbed: tuple[EpisodeRequest, ...]
 
     @classmethod
     def joined(cls, routes: Sequence[RouteRequests]) -> RouteRequests:
-        """Return the same of several routes."""
+        """Return the requests of several routes as one."""
         clean, perturbed = (route.clean for route in routes), (route.perturbed for route in routes)
         return cls(tuple(chain.from_iterable(clean)), tuple(chain.from_iterable(perturbed)))
 
@@ -112,7 +112,7 @@ class RouteRequests:
 
 @dataclass(frozen=True, slots=True)
 class VerdictPlan:
-    """The routes that a verdict on `requirement` reads one by one, as a judge of this `kind` does."""
+    """What a verdict on `requirement` reads: all of `need`, in the order of `routes`, by a judge of this `kind`."""
 
     requirement: Requirement
     scope: Scope

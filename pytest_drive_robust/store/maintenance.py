@@ -81,7 +81,7 @@ def statistics(folder: Path) -> Statistics:
         reusable=sum(_is_reusable(row) for row in whole),
         by_agent=dict(sorted(Counter((row.agent, row.outcome) for row in whole).items())),
         unreadable=len(rows) - len(whole),
-        set_aside=len(_set_aside(folder)),
+        set_aside=len(_lying_aside(folder)),
     )
 
 
@@ -143,7 +143,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     records = [files.path(row.key) for row in rows if not row.problem and goes(row)]
     found = [_damage(files, row.key) for row in rows if row.problem]
     damaged = [damage.path for damage in found if damage is not None and damage.is_certain]
-    aside = _set_aside(folder)
+    aside = _lying_aside(folder)
     halves = [path for ours in _TEMPORARY for path in folder.glob(ours) if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]
     sizes = {path: _size(path) for path in (*records, *damaged, *aside, *halves)}
@@ -193,7 +193,7 @@ def _age_s(path: Path, now_s: float) -> float:
         return 0.0
 
 
-def _set_aside(folder: Path) -> list[Path]:
+def _lying_aside(folder: Path) -> list[Path]:
     return [path for path in folder.glob(f"aside/*{SUFFIX}") if path.is_file()]
 
 

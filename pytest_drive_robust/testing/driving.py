@@ -38,7 +38,8 @@ def feed(
 ) -> list[Control]:
     """Return the controls of `agent` for observations of another episode, each changed by `change`.
 
-    Raises `AgentError`."""
+    Raises `AgentError`.
+    """
     agent_reset(agent, plan, seed)
     return [agent_act(agent, change(observation.private())) for observation in observations]
 

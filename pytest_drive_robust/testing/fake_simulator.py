@@ -86,7 +86,8 @@ class FakeSimulator:
     def observe(self) -> Observation:
         """Return noise-free sensors.
 
-        Red of each image is the ego's x, green the distance to the parked car, blue the row."""
+        Red of each image is the ego's x, green the distance to the parked car, blue the row.
+        """
         self._maybe_raise("observe")
         ego, tick = self._ego, self._tick
         for camera in self._cameras:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from pytest_drive_robust.domain.result import CONTROL, EpisodeResult, Reception
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.episodes import require_scorable, values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.base import Perturbation, Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.stats.evidence import fail_p_value
 from pytest_drive_robust.stats.intervals import (
     evidence_interval,
@@ -26,6 +26,7 @@ from pytest_drive_robust.stats.intervals import (
 )
 from pytest_drive_robust.verdict.explain import WorstRoute, Yardstick, worst_routes
 from pytest_drive_robust.verdict.requirement import Requirement
+from pytest_drive_robust.verdict.touched import require_touched
 
 _SCORES = ("RD", "DS", "SR")
 """The metrics whose worst routes are those with the lowest driving scores."""
@@ -196,24 +197,6 @@ def measure(
     return float(value), _interval(metric, float(value), clean, perturbed, mode)
 
 
-def immunity(results: Sequence[EpisodeResult]) -> str:
-    """Return why these episodes of one setting tell nothing of robustness although it changed something, as a sentence.
-
-    That is so when it changed only signals that the agent declares not to use. Empty when it changed a command or a
-    signal in use, and when nothing is known.
-    """
-    receptions = [result.reception for result in results if result.reception is not None]
-    touched = {touch.signal: None for item in receptions for touch in item.touched}
-    if not touched or CONTROL in touched:
-        return ""
-    used = {name for item in receptions for name in _used(item)}
-    if used & touched.keys():
-        return ""
-    episode = results[0].episode
-    changed, declared = ", ".join(touched), _declared(receptions[0])
-    return f"{episode.setting} changed {changed}, which {episode.agent} does not use: {declared}"
-
-
 def _interval(
     metric: Metric, value: float, clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult], mode: str
 ) -> tuple[float, float]:
@@ -257,48 +240,3 @@ def _require_episodes_of(agent: str, settings: Sequence[str], results: Sequence[
             raise ComparisonError(
                 f"expected episodes of agent {agent!r} under {settings[0]!r}, but got {result.episode}."
             )
-
-
-def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
-    """Raise `ComparisonError` when no episode under `setting` shows any change of what agent or vehicle got.
-
-    One episode in which a rare failure never struck is no error, all of them are. Episodes of which nobody recorded
-    what was given (`reception` is None) are taken on trust, and the clean baselines have nothing to show.
-    """
-    if setting == setting.baseline:
-        return
-    driven = [result for result in results if result.ticks > 0]
-    receptions = [result.reception for result in driven if result.reception is not None]
-    if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
-        return
-    dt_s, seen = driven[0].dt_s, receptions[0]
-    reasons = [f"{item}: {_idle_reason(item, seen, dt_s)}" for item in setting.perturbations]
-    episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
-    raise ComparisonError(
-        "\n  ".join(
-            [
-                f"{setting} changed nothing in {episodes} of agent {driven[0].episode.agent!r}, "
-                "so its numbers would be those of clean driving under another name.",
-                *reasons,
-                _declared(seen),
-            ]
-        )
-    )
-
-
-def _idle_reason(perturbation: Perturbation, seen: Reception, dt_s: float) -> str:
-    """Return what a failure says of having changed nothing; what it raises hides no verdict."""
-    try:
-        return perturbation.idle_reason(seen.cameras, dt_s)
-    except Exception as error:
-        return f"its idle_reason raised {type(error).__name__}: {error}"
-
-
-def _used(reception: Reception) -> Iterable[str]:
-    for name in reception.consumes:
-        yield from reception.cameras if name == "cameras" else (name,)
-
-
-def _declared(reception: Reception) -> str:
-    cameras = f"cameras {', '.join(reception.cameras)}" if reception.cameras else "no camera"
-    return f"the agent has {cameras}; of its sensors it declares to use {', '.join(reception.consumes) or 'none'}."

@@ -88,7 +88,8 @@ class Yardstick:
 class Divergence(NamedTuple):
     """When two egos parted, seconds from the start, and what left its tolerance first.
 
-    That is `"in speed"`, `"in distance"` along the way, or `"sideways"`."""
+    That is `"in speed"`, `"in distance"` along the way, or `"sideways"`.
+    """
 
     second: float
     signal: str

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from pytest_drive_robust.regression.baselines import Blessing
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
 
@@ -13,6 +14,7 @@ PRINT = Fingerprint(
     agent=AgentPrint("agents 1", "aaaaaaaaaaaa", ""),
     versions={"fake": "1", "numpy": "2.0", "python": "3.11"},
 )
+SIGNATURE = Blessing("2026-11-21", "first baseline", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
 
 
 def route_score(

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import pytest
-
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
-
-
-def run(suite, *args):
-    return suite.runpytest_inprocess("--drive-robust", *args)
+from suite_runs import processes, run
 
 
 @processes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from suite_runs import processes
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
@@ -30,8 +31,6 @@ class TestOld(unittest.TestCase):
     def test_decorated(self):
         self.drive.check(REQUIREMENT)
 """
-
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 def run(suite, sentence, *args, strict=False):

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import jsonschema
 import pytest
 from published_schema import run_schema
+from suite_runs import processes
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.regression.document import episode_of
@@ -22,7 +23,6 @@ SENTENCES = (
     "DS under clean >= 90",
     "RD under occlusion 0.5 <= 0.30",
 )
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 def run(folder, *args):

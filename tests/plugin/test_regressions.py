@@ -9,6 +9,7 @@ import re
 import jsonschema
 import pytest
 from published_schema import run_schema
+from suite_runs import processes, run
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
@@ -16,14 +17,7 @@ from pytest_drive_robust.testing import fake_route
 
 HOLDS = "DS under throttle 0.9 >= 1"
 ALSO = "DS under clean >= 1"
-
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
-
 EVIDENCE = "--drive-verdict=evidence"
-
-
-def run(folder, *args):
-    return folder.runpytest_inprocess("--drive-robust", *args)
 
 
 @pytest.fixture

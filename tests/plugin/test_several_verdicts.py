@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 
 import pytest
+from suite_runs import processes
 
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 
 BROKEN, NEAR, HOLDS = "DS under throttle 0 >= 60", "DS under clean >= 71", "DS under clean >= 20"
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import json
 
 import jsonschema
 from published_schema import run_schema
+from suite_runs import run
 
 SEARCH = """
 from pytest_drive_robust import InferenceLatency
@@ -26,10 +27,6 @@ LADDER = """
 from typing import ClassVar
 Throttle.ladder = ("share", (0.9, 0.7, 0.5, 0.3, 0.1))
 """
-
-
-def run(suite, *args):
-    return suite.runpytest_inprocess("--drive-robust", *args)
 
 
 def test_the_largest_severity_that_holds_is_a_bracket_that_compares(suite, driven):

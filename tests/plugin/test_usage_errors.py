@@ -6,10 +6,9 @@ import re
 import sys
 
 import pytest
+from suite_runs import processes
 
 GREEN = "DS under clean >= 90"
-
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 def refused(suite, *args):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import date
 
 import pytest
+from suite_runs import processes
 
 from pytest_drive_robust.regression import clock
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
@@ -41,8 +42,6 @@ class TestOld(unittest.TestCase):
             with self.subTest(str(stated)):
                 self.drive.check(stated)
 """
-
-processes = pytest.mark.parametrize("workers", [(), ("-n2",)], ids=["one-process", "two-workers"])
 
 
 @pytest.fixture

@@ -137,7 +137,7 @@ def _drive(
         if ended.trouble == STOPPED:
             break
         log = run_folder.log(route, number)
-        record, trouble = _reading(run_folder.work(route) / "result.json", route, ended)
+        record, trouble = _record_in(run_folder.work(route) / "result.json", route, ended)
         injected = _injected(run_folder.work(route) / _INJECTED_LOG)
         excuse = "" if record is None else _excuse(record, ended, log)
         if record is not None and excuse:
@@ -160,7 +160,7 @@ def read_finished(run_folder: RunFolder, route: str, setting: Setting) -> Driven
     path = run_folder.result(route)
     if not path.is_file():
         return None
-    record, trouble = _reading(path, route, Attempt(0, "", 0.0))
+    record, trouble = _record_in(path, route, Attempt(0, "", 0.0))
     injected = _injected(run_folder.injected(route))
     if record is not None and not _was_injected(setting, record, injected):
         told = f"{str(run_folder.injected(route))!r} does not tell that {str(setting)!r} was injected"
@@ -266,7 +266,7 @@ def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
     return json.dumps(document, allow_nan=False)
 
 
-def _reading(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
+def _record_in(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
     """Return the record if it is about the agent, else why there is none."""
     told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
     if not path.is_file() or path.stat().st_size == 0:

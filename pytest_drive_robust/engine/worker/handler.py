@@ -35,7 +35,7 @@ class Reply(NamedTuple):
 
 
 class RequestHandler:
-    """The worlds and the agents of this process. `connection` is that to the other side."""
+    """Answers requests with the worlds and the agents of this process. `connection` leads to who asks."""
 
     def __init__(
         self, worker_setup: WorkerSetup, registry: Registry, state: SharedState, connection: Connection

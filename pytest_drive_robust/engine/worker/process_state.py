@@ -53,7 +53,7 @@ def add_late_modules(state: dict[int, Any]) -> None:
 
 
 def restore_process_state(wanted: Mapping[int, Any]) -> bool:
-    """Make things as they were; return whether all of them are."""
+    """Give each item its `wanted` value again; return whether all of them took it."""
     return all([_restore(_ITEMS[number], value) for number, value in wanted.items()])  # noqa: C419 - each of them
 
 

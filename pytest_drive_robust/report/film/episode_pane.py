@@ -16,7 +16,7 @@ from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.story import StoryEvent
 from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above
 from pytest_drive_robust.report.numbers import counted
-from pytest_drive_robust.runner.replay.recording import Tape, TapeTick, main_camera
+from pytest_drive_robust.runner.replay.recording import Tape, TapedMoment, main_camera
 
 _FRESH_S = 1.5
 """For so long an infraction is shouted, then it is only told."""
@@ -61,7 +61,7 @@ class EpisodePane:
             picture, _score(self.tape), (self.left + 630, 55), size=0.7, bold=True, colour=c.BACKGROUND, align="right"
         )
 
-    def _camera(self, picture: Pixels, at: int, moment: TapeTick) -> None:
+    def _camera(self, picture: Pixels, at: int, moment: TapedMoment) -> None:
         box = self.camera_box
         c.fill(picture, box, c.PANEL)
         images = self.tape.images(at)
@@ -92,7 +92,7 @@ class EpisodePane:
         words = f"THIS PICTURE IS {ticks * self.tape.result.dt_s:.2f} s OLD"
         c.text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
 
-    def _numbers(self, picture: Pixels, moment: TapeTick) -> None:
+    def _numbers(self, picture: Pixels, moment: TapedMoment) -> None:
         """Write the speed in large figures; beside it what the agent asks and what the car gets."""
         x, y = self.left + 8, self.camera_box.bottom
         speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.agent import PlannedPath
 from pytest_drive_robust.domain.truth import EgoState, LaneMap
 from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.report.film.canvas import CLEAN, INK, WRONG, Colour, Rectangle
-from pytest_drive_robust.runner.replay.recording import TapeTick
+from pytest_drive_robust.runner.replay.recording import TapedMoment
 from pytest_drive_robust.simulators.embedded.bev import OUTLINE, Sketch, footprint, ground_picture
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, rectangle
 
@@ -33,7 +33,7 @@ _BITS = 4
 _VEHICLE: Colour = (222, 222, 226)
 
 
-def is_misplaced(moment: TapeTick) -> bool:
+def is_misplaced(moment: TapedMoment) -> bool:
     """Return True when the agent was told a place that is not the ego's."""
     if moment.gps is None:
         return False
@@ -59,7 +59,7 @@ def draw_from_above(
     picture: Pixels,
     box: Rectangle,
     ground: GroundPicture,
-    moment: TapeTick,
+    moment: TapedMoment,
     *,
     colour: Colour,
     twin: EgoState | None,

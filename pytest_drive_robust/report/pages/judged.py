@@ -11,10 +11,9 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.report.numbers import OPEN
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
-from pytest_drive_robust.report.promise import claims, confidence, of_these_routes, shown_by_evidence
+from pytest_drive_robust.report.promise import OPEN, claims, confidence, of_these_routes, shown_by_evidence
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.verdict.evaluate import yardstick_of
 from pytest_drive_robust.verdict.explain import worst_routes

@@ -62,7 +62,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class TapeTick:
+class TapedMoment:
     """The world at the beginning of a tick, and what agent and vehicle did in it.
 
     `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is the picture of its main
@@ -90,7 +90,7 @@ class Tape:
     """
 
     result: EpisodeResult
-    moments: tuple[TapeTick, ...]
+    moments: tuple[TapedMoment, ...]
     lane_map: LaneMap
     route: Floats
     shown_only: bool = False
@@ -146,7 +146,7 @@ class _Recording(Watch):
 
     def __init__(self, told: Callable[[int], object]) -> None:
         self._told = told
-        self._moments: list[TapeTick] = []
+        self._moments: list[TapedMoment] = []
         self._asked: Control | None = None
         self._planned: PlannedPath | None = None
         self._plan_problem = ""
@@ -161,7 +161,7 @@ class _Recording(Watch):
         result = running.result(episode)
         if running.state is None or truth is None:
             raise SimulationError(f"{result.episode} has nothing to show: {result.end_detail}")
-        last = self._moments[-1] if self._moments else TapeTick(running.state)
+        last = self._moments[-1] if self._moments else TapedMoment(running.state)
         last = replace(last, state=running.state, gps=None, speed_mps=None, asked=None, applied=None)
         moments = (*self._moments, last)
         return Tape(result, moments, truth.lane_map, truth.route, running.shows_view, self._plan_problem)
@@ -183,7 +183,7 @@ class _Recording(Watch):
             self._asked = asked
             self._look_at_plan(state.ego)
         self._moments.append(
-            TapeTick(
+            TapedMoment(
                 state=replace(state, actors=state.actors.copy(), lights=state.lights.copy()),
                 pictures=tuple(Picture.of(name, image) for name, image in images.items()),
                 real=self._unlike(observation.cameras),

@@ -126,7 +126,7 @@ def test_a_record_that_is_claimed_stays(store):
 def test_a_record_that_another_run_replaced_since_it_was_looked_at_stays(store, monkeypatch):
     path = RecordFiles(store.folder).path("bb02")
     age(path, 2)
-    look = maintenance._set_aside
+    look = maintenance._lying_aside
 
     def meanwhile(folder):
         """What `sweep` asks for next: another run finishes that episode and gives its claim back."""
@@ -135,7 +135,7 @@ def test_a_record_that_another_run_replaced_since_it_was_looked_at_stays(store, 
             other.put("bb02", make_result("3"))
         return look(folder)
 
-    monkeypatch.setattr(maintenance, "_set_aside", meanwhile)
+    monkeypatch.setattr(maintenance, "_lying_aside", meanwhile)
     assert sweep(store.folder).records == 0
     assert FolderStore(store.folder, run="three").get("bb02").outcome is Outcome.COMPLETED
 

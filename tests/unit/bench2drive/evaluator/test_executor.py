@@ -14,7 +14,7 @@ from fake_bench2drive import make
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.execution import ExecutionOptions
 from pytest_drive_robust.options.run import RunOptions
-from pytest_drive_robust.plugin.backends import external_options
+from pytest_drive_robust.plugin.external_options import external_options
 
 REQUIREMENTS = "DS under 200 ms latency >= 10\\nRD under 200 ms latency <= 0.50"
 SUITE = f"""

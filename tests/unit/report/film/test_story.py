@@ -8,7 +8,7 @@ from pytest_drive_robust.domain.outcome import End, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import EgoState, WorldState
 from pytest_drive_robust.report.film.story import story_of
-from pytest_drive_robust.runner.replay.recording import Tape, TapeTick
+from pytest_drive_robust.runner.replay.recording import Tape, TapedMoment
 
 
 def tape_of(result: EpisodeResult) -> Tape:
@@ -16,7 +16,9 @@ def tape_of(result: EpisodeResult) -> Tape:
 
     speeds = [*result.trace.column("speed_mps").tolist(), 0.0]
     moments = tuple(
-        TapeTick(WorldState(k, EgoState(0, 0, 0, speed, 0, 0, 0, 4.5, 1.9), np.zeros((0, 10)), np.zeros(0, np.int64)))
+        TapedMoment(
+            WorldState(k, EgoState(0, 0, 0, speed, 0, 0, 0, 4.5, 1.9), np.zeros((0, 10)), np.zeros(0, np.int64))
+        )
         for k, speed in enumerate(speeds)
     )
     return Tape(result, moments, None, np.zeros((2, 4)))  # type: ignore[arg-type]

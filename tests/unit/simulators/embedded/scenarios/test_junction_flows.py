@@ -184,3 +184,10 @@ def test_bicycles_ride_on_their_own_lane_beside_the_cars() -> None:
     for number in range(len(all_sites()["CrossingBicycleFlow"])):
         world = World(drawn("CrossingBicycleFlow", number), seed=0)
         assert {int(k) for m in file_flows(world) for k in world.state.actor_ints[m, c.I_KIND]} == {ActorKind.BICYCLE}
+
+
+def test_two_flows_meet_who_turns_left_onto_a_country_road() -> None:
+    world = staged("InterurbanAdvancedActorFlow")
+    first, second = file_flows(world)
+    yaws = [float(world.state.actors[members[0], c.A_YAW]) for members in (first, second)]
+    assert math.cos(yaws[0] - yaws[1]) == pytest.approx(-1.0, abs=0.05)

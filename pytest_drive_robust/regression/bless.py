@@ -1,0 +1,139 @@
+"""Accepts a run: its scores become the baselines of its agents."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.baselines import (
+    Baseline,
+    BlessedRoute,
+    Blessing,
+    Place,
+    baseline_file,
+    merge,
+    read_baseline,
+)
+from pytest_drive_robust.regression.snapshot import Snapshot
+from pytest_drive_robust.store.whole_file import write_whole
+
+
+@dataclass(frozen=True, slots=True)
+class Blessed:
+    """What happened to one file: how many scores are new, were replaced, were kept of others, and were dropped.
+
+    `beside` of the kept ones are of other routes under settings of the run: runs without these are refused.
+    """
+
+    path: Path
+    agent: str
+    added: int
+    replaced: int
+    kept: int
+    beside: int = 0
+    dropped: int = 0
+
+
+def bless(
+    run: Snapshot,
+    folder: Path,
+    signature: Blessing,
+    *,
+    environ: Mapping[str, str],
+    replace_routes: bool = False,
+    only: bool = False,
+) -> tuple[Blessed, ...]:
+    """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
+
+    With `only`, routes that it did not drive are dropped under the settings that it did drive.
+
+    `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
+    Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
+    of, that ended before its tests, that did without routes once its verdicts were in, or that holds no score, and,
+    unless `replace_routes`, for routes that are others than the blessed ones of the same id. Nothing is written then.
+    """
+    _require_acceptable(run, signature, environ)
+    prepared = []
+    for agent in run.agents:
+        path = baseline_file(folder, agent)
+        old = read_baseline(path) if path.exists() else Baseline(agent)
+        new = _baseline(run, agent, signature)
+        if not new.routes:
+            continue
+        if not replace_routes:
+            _require_same_routes(old, new)
+        replaced = len(old.routes.keys() & new.routes.keys())
+        beside = _beside(old, new)
+        dropped = len(beside) if only else 0
+        kept = replace(old, routes={place: old.routes[place] for place in old.routes if place not in beside})
+        merged = merge(kept if only else old, new)
+        others = len(old.routes) - replaced - dropped
+        told = Blessed(path, agent, len(new.routes) - replaced, replaced, others, len(beside) - dropped, dropped)
+        prepared.append((told, merged.to_text()))
+    folder.mkdir(parents=True, exist_ok=True)
+    for blessed, text in prepared:
+        write_whole(blessed.path, text.encode("utf-8", "backslashreplace"))  # to JSON's escapes for half characters
+    return tuple(blessed for blessed, _ in prepared)
+
+
+def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str, str]) -> None:
+    if environ.get("CI"):
+        raise UsageError(
+            "CI is set in the environment, and CI never blesses: a baseline is accepted by a person. Fetch the run, "
+            "bless it at your desk and commit the file."
+        )
+    if not signature.reason.strip():
+        raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
+    broken = [f"{cell.agent} under {cell.setting} on {told}" for cell in run.cells.values() for told in cell.broken]
+    if broken:
+        others = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+        raise UsageError(
+            f"{run.label} is incomplete: {broken[0]}{others}. It cannot become a baseline: run its command again."
+        )
+    stopped = [f"{routes} under {cell.setting}" for cell in run.cells.values() for routes in cell.stopped]
+    if stopped:
+        others = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
+        raise UsageError(
+            f"{run.label} was driven until its verdicts were in, on {stopped[0]}{others}: later runs cannot be judged "
+            "against that. Drive it with --drive-save, or with --drive-verdict=point."
+        )
+    if run.ended_early:
+        raise UsageError(
+            f"{run.label} is incomplete: it ended before all of its tests had. It cannot become a baseline: run its "
+            "command again."
+        )
+    if not any(cell.routes for cell in run.cells.values()):
+        raise UsageError(f"{run.label} holds no score to bless.")
+
+
+def _require_same_routes(old: Baseline, new: Baseline) -> None:
+    others = [
+        place
+        for place, route in new.routes.items()
+        if place in old.routes and old.routes[place].score.digest not in ("", route.score.digest)
+    ]
+    if others:
+        _, setting, route_id = others[0]
+        raise UsageError(
+            f"{len(others)} routes are others than the blessed ones of the same id, first {route_id!r} under "
+            f"{setting}. Give --replace-routes when the routes were changed on purpose."
+        )
+
+
+def _beside(old: Baseline, new: Baseline) -> set[Place]:
+    """Return the routes of `old` that `new` lacks under its simulator and settings."""
+    driven = {place[:2] for place in new.routes}
+    return {place for place in old.routes if place[:2] in driven and place not in new.routes}
+
+
+def _baseline(run: Snapshot, agent: str, signature: Blessing) -> Baseline:
+    routes = {
+        (score.fingerprint.simulator, setting, route_id): BlessedRoute(signature.date, score)
+        for (name, setting), cell in run.cells.items()
+        if name == agent
+        for route_id, score in cell.routes.items()
+    }
+    prints = [route.score.fingerprint for route in routes.values()]  # a run has one for each agent
+    return Baseline(agent, {signature.date: replace(signature, fingerprint=prints[0])} if prints else {}, routes)

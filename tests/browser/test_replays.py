@@ -1,0 +1,176 @@
+"""Episodes in Chromium: playing, the scene, films, the command that drives one again."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from urllib.parse import quote
+
+import pytest
+from made_up_pages import clean_run, report_of, text, tick
+from report_pages import EPISODE, data_of
+from result_factory import infraction, make_result, trace_of
+
+from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.film.file_name import film_name
+from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.pages.folder import write_pages
+from pytest_drive_robust.report.run_records import RunRecords
+from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.store.events import EpisodesNeeded, Used
+from pytest_drive_robust.verdict.explain import seconds_text
+
+pytestmark = pytest.mark.slow
+
+
+def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
+    report = opened()
+    page = report.go(EPISODE)
+    page.wait_for_selector("canvas")
+    assert tick(page) == 80
+    page.keyboard.press("ArrowRight")
+    assert tick(page) == 81
+    page.keyboard.press("Shift+ArrowLeft")
+    assert tick(page) == 61
+    assert "t=3.0" in page.evaluate("location.hash") or "t=3.1" in page.evaluate("location.hash")
+    page.keyboard.press("Home")
+    page.keyboard.press("k")
+    report.until("driveRobust.player.tick > 3")
+    page.keyboard.press("k")
+    assert page.evaluate("driveRobust.player.playing") is False
+    page.keyboard.press("End")
+    assert tick(page) == page.evaluate("driveRobust.player.length")
+    page.keyboard.press("p")
+    assert tick(page) < page.evaluate("driveRobust.player.length")
+    page.get_by_role("button", name="Play").click()
+    report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
+
+
+def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    look = """() => {
+      const canvas = document.querySelector(".pane.perturbed canvas");
+      const context = canvas.getContext("2d");
+      const ego = [...context.getImageData(canvas.width / 2 - 3, canvas.height * 0.7 + 6, 1, 1).data];
+      const all = context.getImageData(0, 0, canvas.width, canvas.height).data;
+      const colours = new Map();
+      for (let at = 0; at < all.length; at += 40) {
+        const name = `${all[at]},${all[at + 1]},${all[at + 2]}`;
+        colours.set(name, (colours.get(name) || 0) + 1);
+      }
+      return { ego, colours: colours.size, sum: all.reduce((sum, value) => sum + value, 0) };
+    }"""
+    seen = page.evaluate(look)
+    orange = page.evaluate("getComputedStyle(document.documentElement).getPropertyValue('--perturbed').trim()")
+    near = [int(orange[at : at + 2], 16) for at in (1, 3, 5)]
+    assert all(abs(one - other) <= 12 for one, other in zip(seen["ego"], near, strict=False)), (seen["ego"], near)
+    assert seen["colours"] > 20
+    page.keyboard.press("ArrowRight")
+    assert page.evaluate(look)["sum"] != seen["sum"]
+    page.keyboard.press("ArrowLeft")
+    assert page.evaluate(look) == seen
+
+
+def test_an_episode_names_the_command_that_drives_it_again(opened):
+    page = opened().go(EPISODE)
+    told = page.locator("main code").inner_text()
+    assert told == (
+        'drive-robust replay 2301 --agent follower:Follower --setting "GPS noise 15 m" --seed 0 --stuck-stop 10'
+    )
+
+
+@pytest.mark.parametrize("simulator", ["bench2drive", "results"])
+def test_no_command_is_offered_where_others_drive(opened, tmp_path, reports, simulator):
+    folder = shutil.copytree(reports / "now", tmp_path / "report")
+    data = folder / "data" / "run.js"
+    own = json.dumps(data_of(folder)["options"]["simulator"])
+    text, told = re.subn(rf'("simulator": ?){own}', rf'\g<1>"{simulator}"', data.read_text(encoding="utf-8"))
+    assert told
+    data.write_text(text, encoding="utf-8")
+    page = opened(folder).go(EPISODE)
+    assert page.locator("table.facts").count() == 1
+    assert page.locator("main code").count() == 0
+
+
+def test_every_episode_shows_its_own_film(opened, tmp_path):
+    agents = ("tcp?engine=torch", "my_agent:MyAgent", "агент", "водитель")
+    results = [make_result("101", agent=agent, seed=seed) for agent in agents for seed in (0, 1)]
+    films = [tmp_path / film_name(result.episode) for result in results[1:]]
+    for film in films:
+        film.write_bytes(b"film")
+    report = opened(write_pages(tmp_path / "report", clean_run(*results), films=films).parent)
+    shown = []
+    for result in results:
+        page = report.go(f"#/episode/{quote(result.episode.agent, safe='')}/clean/101/{result.episode.seed}")
+        page.wait_for_selector("canvas")
+        shown += [video.get_attribute("src") for video in page.locator("video").all()]
+    assert shown == [f"films/{film.name}" for film in films]  # the first episode has none
+
+
+@pytest.mark.parametrize("ticks", [40, 41])
+def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, tmp_path, ticks):
+    report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
+    page = report.go("#/episode/driver/clean/101/0")
+    page.wait_for_selector("canvas")
+    page.keyboard.press("End")
+    assert tick(page) == ticks
+    assert text(page, ".state") == f"ended at {seconds_text(ticks * 0.05)}: arrived"
+
+
+def test_what_official_results_do_not_tell_is_not_shown_as_0(opened, tmp_path):
+    event = infraction(InfractionKind.COLLISION_VEHICLE, second=0.0)
+    result = make_result("101", infractions=[event], trace=trace_of(40))
+    for simulator, meters in (("results", 0), ("embedded", 3)):
+        page = opened(report_of(tmp_path / simulator, result, simulator=simulator)).go("#/episode/driver/clean/101/0")
+        page.wait_for_selector("canvas")
+        assert page.locator(".meter").count() == meters
+        assert page.locator(".marks .when").all_inner_texts() == ["?", "2.0 s"]
+        assert text(page, ".state") == ""
+        assert " at " not in text(page, "p.lead")
+
+
+def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    names = {name for item in page.locator(".player .swatch").all() for name in item.get_attribute("class").split()}
+    assert {"clean", "perturbed", "twin", "route", "plan", "wrong", "parted", "told"} <= names
+    colour = "name => getComputedStyle(document.documentElement).getPropertyValue(name)"
+    assert page.evaluate(colour, "--wrong") != page.evaluate(colour, "--plan")
+    below = """() => {
+      const strips = document.querySelector("canvas.strips");
+      const high = Math.round(13 * strips.height / strips.clientHeight);
+      const axis = strips.getContext("2d").getImageData(0, strips.height - high, strips.width, high).data;
+      return axis.filter((value, at) => at % 4 === 3 && value > 0).length;
+    }"""
+    assert page.evaluate(below) > 100
+
+
+def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path):
+    result = make_result("101")
+    film = tmp_path / film_name(result.episode)
+    film.write_bytes(b"film")
+    report = opened(write_pages(tmp_path / "report", clean_run(result), films=[film]).parent)
+    page = report.go("#/episode/driver/clean/101/0")
+    page.wait_for_selector("canvas")
+    assert page.locator("output.clock").get_attribute("aria-live") == "off"
+    assert page.locator("video").get_attribute("aria-label") == "What driver saw under clean on route 101"
+    page.locator("video").focus()
+    page.keyboard.press(" ")
+    assert page.evaluate("driveRobust.player.playing") is False
+
+
+def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(opened, tmp_path):
+    setting = "200 ms latency"
+    broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))
+    found = {"clean": make_result("101"), setting: replace(broken, ticks=0)}
+    needed = [EpisodesNeeded("driver", "one-per-scenario", name, (0,), (name,)) for name in found]
+    run = RunResult.of(RunOptions(simulator="embedded"), [*needed, Used(tuple(found))], found.get, versions={})
+    records = RunRecords.of(run_as_json(run), found.get, default_registry(), label="broken")
+    page = opened(write_pages(tmp_path, records).parent).go(f"#/episode/driver/{quote(setting)}/101/0")
+    assert "It ended before its first tick, so there is nothing to replay: ValueError: no" in text(page, "main")
+    assert page.locator("canvas").count() == 0

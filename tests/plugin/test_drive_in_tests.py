@@ -1,0 +1,225 @@
+"""What the fixture `drive` is to the body of a test: asked by threads, forgotten, compared in asserts, misused."""
+
+from __future__ import annotations
+
+import pytest
+from suite_runs import processes, run
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_threads_of_a_test_may_ask_at_the_same_time(suite, driven, executor):
+    test = """
+from concurrent.futures import ThreadPoolExecutor
+from pytest_drive_robust import requirements
+
+STATED = requirements('''
+DS under clean >= 60
+DS under throttle 0.3 >= 60
+DS under throttle 0.7 >= 10
+RD under throttle 0.2 <= 0.9
+latency margin >= 100 ms (DS >= 100)
+''')
+
+def test_it(drive):
+    with ThreadPoolExecutor(5) as pool:
+        asked = [pool.submit(drive.check, stated) for stated in STATED]
+        measured = pool.submit(drive.ds, STATED[1].setting)
+    assert [type(one.exception()).__name__ for one in asked] == [
+        "NoneType", "BrokenRequirementError", "NoneType", "NoneType", "NoneType"
+    ]
+    assert 35 < measured.result() < 36
+"""
+    result = run(suite(test=test), "--drive-executor", executor)
+    assert result.ret == 0
+    result.assert_outcomes(passed=1)
+    assert driven() == sorted(["1 0", "2 0", "3 0"] * 5)
+
+
+@pytest.mark.parametrize(
+    ("call", "told", "args"),
+    [
+        ("with ThreadPoolExecutor() as pool: pool.map(drive.check, STATED)", "DS under throttle 0.3 = 35.85, ", ()),
+        ("with suppress(BaseException): drive.check(STATED[0])", "DS under throttle 0.3 = 35.85, ", ("-n2",)),
+        (
+            "with suppress(BaseException): drive.ds('clean')",
+            "ERROR: not judged: DS under clean",
+            ("--drive-sim=broken",),
+        ),
+        ("drive.ds('clean')", None, ()),
+    ],
+)
+def test_a_test_that_keeps_to_itself_what_drive_raised_is_named(suite, call, told, args):
+    test = f"""
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pytest_drive_robust import requirements
+
+STATED = requirements("DS under throttle 0.3 >= 60")
+
+def test_it(drive):
+    {call}
+"""
+    result = run(suite(test=test), *args)
+    assert result.ret == 0
+    warning = "warning: test_suite.py::test_it passed although it was told: "
+    assert (f"{warning}{told}" in " ".join(result.outlines)) is (told is not None)
+
+
+FORGETFUL = """
+import pytest
+from pytest_drive_robust import requirements
+
+each = pytest.mark.parametrize("requirement", requirements("DS under clean >= 90"))
+
+@each
+def test_forgot(drive, requirement):
+    assert drive.agent
+
+@pytest.mark.xfail
+@each
+def test_forgot_what_was_expected_to_fail(drive, requirement):
+    pass
+
+@each
+def test_measured(drive, requirement):
+    assert drive.ds(requirement.setting) >= requirement.limit
+
+@each
+def test_skipped(drive, requirement):
+    pytest.skip("not today")
+
+@each
+def test_only_reads(requirement):
+    assert requirement.limit == 90
+
+def test_without(drive):
+    assert drive.routes
+"""
+
+
+@processes
+def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
+    result = run(suite(test=FORGETFUL), *workers)
+    assert result.ret == 1
+    result.assert_outcomes(passed=3, skipped=1, errors=2)
+    result.stdout.fnmatch_lines(
+        [
+            "ERROR: not judged: DS under clean >= 90",
+            "the test ended without it. Call drive.check(requirement), or skip the test.",
+            "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
+        ]
+    )
+
+
+def test_values_with_intervals_can_be_compared_in_plain_asserts(suite):
+    test = """
+import pytest
+from pytest_drive_robust import Setting
+
+def test_measure(drive, drive_agent):
+    weak = Setting.parse("throttle 0.3", drive_setting_classes())
+    assert drive.rd(weak) > 0.30
+    assert drive.ds(Setting.CLEAN) == pytest.approx(100.0)
+    assert drive.sr(weak) == 0.0
+    assert drive.rd(weak).low <= drive.rd(weak) <= drive.rd(weak).high
+    assert [result.episode.route_id for result in drive.episodes(weak)] == ["1", "2", "3"]
+    assert (drive.agent, drive_agent, drive.seeds) == ("steady", "steady", (0,))
+    assert [route.id for route in drive.routes] == ["1", "2", "3"]
+    assert drive.rd(weak) <= 0.64
+
+def drive_setting_classes():
+    from pytest_drive_robust.registry.registry import default_registry
+    return default_registry().perturbations()
+"""
+    result = run(suite(test=test))
+    result.assert_outcomes(failed=1)
+    result.stdout.re_match_lines(
+        [r"E +assert 0\.64\d\d \(RD under throttle 0\.3, 95 % interval .*, 3 routes x 1 seed\) <= 0\.64"]
+    )
+
+
+RED_LIGHTS = """
+
+class RedLights(LoggedSimulator):
+    def step(self, control):
+        self.is_weak = control.throttle < 1.0
+        return super().step(control)
+
+    def score(self):
+        from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
+        found = super().score()
+        return replace(found, infractions=(Infraction(InfractionKind.RED_LIGHT, 5, "red"),)) if self.is_weak else found
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+    registry.register_simulator("lights", lambda options: RedLights(replace(options, tick_cap=90)))
+"""
+
+
+def test_a_measured_value_at_the_limit_keeps_to_it_as_a_requirement_does(suite):
+    test = """
+from pytest_drive_robust import requirements
+
+def test_of_one_light(drive):
+    (requirement,) = requirements("RD under throttle 0.99 <= 0.30")
+    assert drive.check(requirement).value != 0.30, "1 - 70 / 100 is 0.30000000000000004"
+    assert drive.rd("throttle 0.99") <= 0.30
+    assert drive.rd("throttle 0.99") >= 0.30
+    assert drive.ds("throttle 0.99") == 70.0
+"""
+    result = run(suite(test=test, conftest=RED_LIGHTS), "--drive-sim", "lights")
+    result.assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize("call", ["check", "minimal"])
+def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
+    result = run(suite(test=f"def test_it(drive):\n    drive.{call}('DS under clean >= 1')\n"))
+    result.assert_outcomes(failed=1)
+    result.stdout.fnmatch_lines([f"E*drive.{call} expects a requirement, as requirements(...) gives them, not 'DS*"])
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "rd('20 ms latency')",
+        "episodes('20 ms latency')",
+        "check(requirement('RD', InferenceLatency(ms=20)) <= 0.5)",
+        "minimal(requirement('RD', InferenceLatency(ms=20)) <= 0.5)",
+        "largest(InferenceLatency, levels=[20, 100])",
+    ],
+)
+def test_a_severity_that_a_tick_cannot_show_is_refused_before_anything_is_driven(suite, driven, call):
+    test = f"""
+from pytest_drive_robust import requirement
+from pytest_drive_robust.perturbations import InferenceLatency
+
+def test_it(drive):
+    drive.{call}
+"""
+    result = run(suite(test=test))
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*ms is 20*expected 0 or*"])
+    assert not driven()
+
+
+@pytest.mark.parametrize(
+    ("asked", "world", "told"),
+    [
+        ("'throttle 0.3'", "fake", None),
+        ("'throttle 1.0'", "fake", "throttle 1 changed nothing in all 3 episodes of agent 'steady'"),
+        ("'throttle 0.3'", "broken", "3 of 3 episodes ended with infra_error and are never scored"),
+        ("'throttle 0.3', broken=True", "broken", None),
+    ],
+)
+def test_episodes_that_tell_nothing_of_the_agent_are_an_error_where_a_test_reads_them(suite, asked, world, told):
+    test = f"""
+def test_no_collision(drive):
+    assert not any(result.infractions for result in drive.episodes({asked}))
+"""
+    result = run(suite(test=test), "--drive-sim", world)
+    assert result.ret == (1 if told else 0)
+    if told:
+        result.assert_outcomes(errors=1)
+        result.stdout.fnmatch_lines([f"ERROR: not judged: the episodes under {asked[1:13]}*", f"*{told}*"])

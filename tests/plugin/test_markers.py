@@ -1,0 +1,103 @@
+"""What the marker says of a test, and what nobody asks for then."""
+
+from __future__ import annotations
+
+import pytest
+from suite_runs import run
+
+
+def test_a_marker_pins_agent_seeds_and_routes(suite, driven):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(agent="seer", routes="routes.xml:2", seeds=[4, 5])
+def test_pinned(drive):
+    assert drive.agent == "seer"
+    drive.check(requirement("DS") >= 90)
+"""
+    result = run(suite(test=test), "--drive-agent", "steady")
+    assert result.ret == 0
+    assert driven() == ["2 4", "2 5"]
+
+
+def test_a_marker_of_a_parameter_wins_over_that_of_its_function(suite, driven):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(agent="steady", routes="routes.xml:2")
+@pytest.mark.parametrize("agent", ["steady", pytest.param("seer", marks=pytest.mark.drive_robust(agent="seer"))])
+def test_pinned(drive, agent):
+    assert drive.agent == agent
+    drive.check(requirement("DS") >= 90)
+"""
+    run(suite(test=test)).assert_outcomes(passed=2)
+    assert driven() == ["2 0", "2 0"]
+
+
+@pytest.mark.parametrize(
+    ("args", "marks", "told"),
+    [
+        ((), 2, ""),
+        ((), 1, "its weights are not there"),
+        (("--drive-agent", "tcp"), 2, "its weights are not there"),
+        (("--drive-agent", "steady", "--drive-routes", "dev10"), 2, "10 of 10 routes cannot be driven:"),
+    ],
+    ids=["nobody asks for them", "a test without a marker does", "the run names the agent", "the run names the routes"],
+)
+def test_an_agent_and_routes_that_nobody_asks_for_need_not_be_there(suite, args, marks, told):
+    absent = """
+
+class OneTown(LoggedSimulator):
+    def check_route(self, route):
+        if route.town != "Straight":
+            from pytest_drive_robust.errors import RouteError
+            raise RouteError(f"no town {route.town}")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_drive_robust_register(registry, _known=pytest_drive_robust_register):
+    _known(registry)
+
+    def tcp():
+        pass
+
+    def check():
+        from pytest_drive_robust.errors import UsageError
+        raise UsageError("its weights are not there")
+
+    tcp.check = check
+    registry.register_agent("tcp", tcp)
+    registry.register_simulator("one-town", lambda options: OneTown(replace(options, tick_cap=60)))
+"""
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+def test_first(drive):
+    drive.check(requirement("DS") >= 1)
+
+def test_second(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    for name in ("first", "second")[:marks]:
+        test = test.replace(f"def test_{name}", f"@NAMED\ndef test_{name}")
+    test = test.replace("@NAMED", '@pytest.mark.drive_robust(agent="steady", routes="routes.xml")')
+    unsaid = ("-o", "drive_agent=", "-o", "drive_routes=", "--drive-sim", "one-town")
+    result = run(suite(test=test, conftest=absent), *unsaid, *args)
+    assert result.ret == (4 if told else 0)
+    result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
+
+
+def test_what_a_skipped_test_would_drive_need_not_be_there(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.skipif("True", reason="not on this machine")
+@pytest.mark.drive_robust(agent="elsewhere")
+def test_skipped(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+    run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, skipped=1)
