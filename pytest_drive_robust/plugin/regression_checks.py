@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
@@ -11,7 +13,7 @@ from pytest_drive_robust.regression.comparison_result import Comparison, Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch
 from pytest_drive_robust.regression.options import RegressionOptions
-from pytest_drive_robust.regression.references import References
+from pytest_drive_robust.regression.references import References, project_home
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
@@ -33,6 +35,7 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
+        self._here = Path.cwd()  # wherever a test goes
         self._references = References(regression.home, regression.baselines)
         open_fails = options.inconclusive == "fail"
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy, open_fails)
@@ -106,7 +109,7 @@ class RegressionChecks:
             return False
         self._lines.append(
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
-            f'drive-robust bless {path.stem} --reason "..."'
+            f'{self._change_to_home}drive-robust bless {path.stem} --reason "..."'
         )
         compared = self._regression.compare
         if worse and self._references.takes(compared, path):
@@ -114,6 +117,12 @@ class RegressionChecks:
                 f"warning: --drive-compare={compared} takes this run from now on, so that the same once more is green"
             )
         return False
+
+    @property
+    def _change_to_home(self) -> str:
+        """What goes to the root folder, where commands do not find its runs from here; else empty."""
+        home = self._regression.home
+        return "" if project_home(self._here).resolve() == home.resolve() else f"cd {shlex.quote(str(home))} && "
 
     def _holds_complete(self, name: str) -> bool:
         if name not in self._references.runs.names():

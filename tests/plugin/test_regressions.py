@@ -56,7 +56,7 @@ def stored(folder, name):
 def test_a_run_is_stored_with_its_fingerprint(both, workers):
     result = run(both, "--drive-save=before", *workers)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["stored as before; *--drive-compare=before*"])
+    result.stdout.fnmatch_lines(["stored as before; *--drive-compare=before or drive-robust bless before *"])
     document = stored(both, "before")
     assert document["schema"] == 1
     assert document["stored"]["name"] == "before"
@@ -70,6 +70,17 @@ def test_a_run_is_stored_with_its_fingerprint(both, workers):
     assert len(fingerprint["agents"]["steady"]["source"]) == 12
     assert [path.name for path in (both.path / ".drive-robust" / "runs").iterdir()] == ["before.json"]
     assert (both.path / ".drive-robust" / ".gitignore").read_text() == "*\n"
+
+
+def test_the_advice_on_a_run_that_was_stored_elsewhere_leads_there(both, monkeypatch, capsys):
+    """As of one suite of several in a repository, with an ini file of its own."""
+    above = both.path.parent
+    monkeypatch.chdir(above)
+    told = run(both, str(both.path), "--drive-save=before").stdout.str()
+    assert f'or cd {both.path} && drive-robust bless before --reason "..."' in told
+    capsys.readouterr()
+    assert main(["bless", "before", "--reason", "agreed"]) == 4
+    assert f"Looked in '{above / '.drive-robust' / 'runs'}'." in capsys.readouterr().err
 
 
 def test_without_the_options_no_run_is_stored(both):
