@@ -13,7 +13,7 @@ from pytest_drive_robust.regression.comparison_result import Comparison, Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch
 from pytest_drive_robust.regression.options import RegressionOptions
-from pytest_drive_robust.regression.references import References, project_home
+from pytest_drive_robust.regression.references import BASELINES, References, project_home
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
@@ -109,7 +109,7 @@ class RegressionChecks:
             return False
         self._lines.append(
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
-            f'{self._change_to_home}drive-robust bless {path.stem} --reason "..."'
+            f"{self._bless(path.stem)}"
         )
         compared = self._regression.compare
         if worse and self._references.takes(compared, path):
@@ -118,11 +118,16 @@ class RegressionChecks:
             )
         return False
 
-    @property
-    def _change_to_home(self) -> str:
-        """What goes to the root folder, where commands do not find its runs from here; else empty."""
-        home = self._regression.home
-        return "" if project_home(self._here).resolve() == home.resolve() else f"cd {shlex.quote(str(home))} && "
+    def _bless(self, name: str) -> str:
+        """Return the command that accepts a stored run.
+
+        It goes to the root folder where commands do not find its runs from here, and names the baselines that are
+        compared with, as commands do not read the ini file.
+        """
+        home, baselines = self._regression.home, self._regression.baselines
+        found = project_home(self._here).resolve() == home.resolve()
+        command = ("" if found else f"cd {shlex.quote(str(home))} && ") + f'drive-robust bless {name} --reason "..."'
+        return command if baselines == home / BASELINES else f"{command} --baselines {shlex.quote(str(baselines))}"
 
     def _holds_complete(self, name: str) -> bool:
         if name not in self._references.runs.names():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import re
+import shlex
 
 import jsonschema
 import pytest
@@ -81,6 +82,17 @@ def test_the_advice_on_a_run_that_was_stored_elsewhere_leads_there(both, monkeyp
     capsys.readouterr()
     assert main(["bless", "before", "--reason", "agreed"]) == 4
     assert f"Looked in '{above / '.drive-robust' / 'runs'}'." in capsys.readouterr().err
+
+
+def test_the_advice_on_a_run_names_the_baselines_of_the_ini_file(both, monkeypatch):
+    monkeypatch.chdir(both.path)
+    monkeypatch.delenv("CI", raising=False)
+    with (both.path / "tox.ini").open("a") as ini:
+        ini.write("drive_baselines = accepted runs\n")
+    told = run(both, "--drive-save=before").stdout.str()
+    (advice,) = re.findall("or drive-robust (bless before .*)", told)
+    assert main(shlex.split(advice)) == 0
+    assert run(both, "--drive-compare=baseline").ret == 0
 
 
 def test_without_the_options_no_run_is_stored(both):
