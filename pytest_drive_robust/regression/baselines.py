@@ -287,8 +287,8 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         )
     if run.ended_early:
         raise UsageError(
-            f"{run.label} is incomplete: it ended before all of its tests had. It cannot become a baseline: run its "
-            "command again."
+            f"{run.label} is incomplete: not all of its tests came to their verdicts. It cannot become a baseline: run "
+            "its command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")
