@@ -21,6 +21,7 @@ from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT
 from pytest_drive_robust.plugin.interrupt import InterruptPlugin
 from pytest_drive_robust.plugin.judging import DriveContext
 from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_keys
+from pytest_drive_robust.plugin.moved_root import refuse_moved_root
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, worker_input
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
@@ -39,6 +40,8 @@ from pytest_drive_robust.store.opening import new_run_name, open_store
 
 def activate(config: pytest.Config) -> None:
     """Decide what this process does, and register only that. Raises `UsageError`."""
+    if not is_worker(config):
+        refuse_moved_root(config)
     refuse_unknown_keys(config)
     options = replace(RunOptions.from_pytest_config(config), plugins=plugin_words(config.pluginmanager))
     execution = ExecutionOptions.from_pytest_config(config)

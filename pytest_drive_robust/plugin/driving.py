@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
+BROKE_UNASKED = "drive_robust_broke_unasked"
+"""The attribute of the report on a test that broke before it asked `drive` for anything."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
 """What pytest calls a strict xfail, and a test of `unittest.expectedFailure`, that passes."""
 
@@ -70,6 +73,8 @@ class DrivingPlugin:
                 report.longrepr = _shown(item, error)
         elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
             report.outcome, report.longrepr = "passed", None
+        if report.failed and _is_unasked(item, report):
+            vars(report)[BROKE_UNASKED] = True  # it travels, too
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
@@ -123,6 +128,14 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     if given is None:
         return None
     return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
+
+
+def _is_unasked(item: pytest.Item, report: pytest.TestReport) -> bool:
+    """Return True where a test that has `drive` has not asked it for anything, as its own fixtures may break."""
+    if not uses_drive(item) or "drive" not in getattr(item, "fixturenames", ()):
+        return False
+    drive = getattr(item, "funcargs", {}).get("drive")
+    return report.when == "setup" if drive is None else isinstance(drive, Drive) and not drive.was_asked
 
 
 def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
@@ -11,7 +13,7 @@ from pytest_drive_robust.regression.comparison_result import Comparison, Terms
 from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch
 from pytest_drive_robust.regression.options import RegressionOptions
-from pytest_drive_robust.regression.references import References
+from pytest_drive_robust.regression.references import BASELINES, References, project_home
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
@@ -33,6 +35,7 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
+        self._here = Path.cwd()  # wherever a test goes
         self._references = References(regression.home, regression.baselines)
         open_fails = options.inconclusive == "fail"
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy, open_fails)
@@ -106,7 +109,7 @@ class RegressionChecks:
             return False
         self._lines.append(
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
-            f'drive-robust bless {path.stem} --reason "..."'
+            f"{self._bless(path.stem)}"
         )
         compared = self._regression.compare
         if worse and self._references.takes(compared, path):
@@ -114,6 +117,17 @@ class RegressionChecks:
                 f"warning: --drive-compare={compared} takes this run from now on, so that the same once more is green"
             )
         return False
+
+    def _bless(self, name: str) -> str:
+        """Return the command that accepts a stored run.
+
+        It goes to the root folder where commands do not find its runs from here, and names the baselines that are
+        compared with, as commands do not read the ini file.
+        """
+        home, baselines = self._regression.home, self._regression.baselines
+        found = project_home(self._here).resolve() == home.resolve()
+        command = ("" if found else f"cd {shlex.quote(str(home))} && ") + f'drive-robust bless {name} --reason "..."'
+        return command if baselines == home / BASELINES else f"{command} --baselines {shlex.quote(str(baselines))}"
 
     def _holds_complete(self, name: str) -> bool:
         if name not in self._references.runs.names():

@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
-from pytest_drive_robust.plugin.driving import NOT_JUDGED
+from pytest_drive_robust.plugin.driving import BROKE_UNASKED, NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import is_terminal
@@ -22,6 +22,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
+_BROKE = "{} broke before it asked for a verdict{}: what it would have judged is not in this report"
 _MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("ignore", "ignore_glob", "lf")  # what leaves files out, of which `pytest_deselected` hears nothing
@@ -40,6 +41,7 @@ class ReportingPlugin:
         self._lost_worker = False
         self._deselected = False
         self._ended: set[str] = set()
+        self._unasked: dict[str, None] = {}
         self._unheeded: list[str] = []
 
     def pytest_report_header(self) -> str:
@@ -65,8 +67,18 @@ class ReportingPlugin:
         """Note that a test has ended, here or in a worker."""
         self._ended.add(nodeid)
 
+    def pytest_collectreport(self, report: pytest.CollectReport) -> None:
+        """Note a place of tests that cannot be collected: with --continue-on-collection-errors the others run."""
+        if report.failed:
+            self._unasked[report.nodeid] = None
+
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note a test that passed although it was told by an error: a thread kept that, or an `except`."""
+        """Note a test that passed although it was told by an error: a thread kept that, or an `except`.
+
+        So too one that broke before it asked for anything.
+        """
+        if report.failed and getattr(report, BROKE_UNASKED, False):
+            self._unasked[report.nodeid] = None
         told = [value for name, value in report.user_properties if name == UNHEEDED]
         self._unheeded += [f"{report.nodeid} passed although it was told: {line}" for line in told]
 
@@ -96,12 +108,16 @@ class ReportingPlugin:
             early = self._why_early(session)
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
+            for first in list(self._unasked)[:1]:
+                others = f", and {len(self._unasked) - 1} more" if len(self._unasked) > 1 else ""
+                self._outputs.note(_BROKE.format(first, others))
             for sentence in self._unheeded[:_MOST_UNHEEDED]:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:
                 self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
-            whole = not (self._deselected or early) and every_test_ran(session)
-            problem = self._outputs.finish(whole=whole, ended_early=bool(early), advice=self._advice(session))
+            partial = bool(early or self._unasked)
+            whole = not (self._deselected or partial) and every_test_ran(session)
+            problem = self._outputs.finish(whole=whole, ended_early=partial, advice=self._advice(session))
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:

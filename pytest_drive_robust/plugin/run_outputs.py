@@ -86,8 +86,8 @@ class RunOutputs:
     def finish(self, *, whole: bool = False, ended_early: bool = False, advice: str = SELECT_TESTS) -> bool:
         """Build the result and write the files. True when the run must not be green for a reason of its own.
 
-        `whole` says that every test was selected and ran, `ended_early` that tests were left, `advice` what to do where
-        no episode was driven.
+        `whole` says that every test was selected and ran, `ended_early` that tests were left or broke, `advice` what
+        to do where no episode was driven.
         """
         run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:

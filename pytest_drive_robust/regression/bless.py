@@ -51,7 +51,7 @@ def bless(
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
     Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
-    of, that ended before its tests, that did without routes once its verdicts were in, or that holds no score, and,
+    of, of which a test came to no verdict, that did without routes once its verdicts were in, or that holds no score, and,
     unless `replace_routes`, for routes that are others than the blessed ones of the same id. Nothing is written then.
     """
     _require_acceptable(run, signature, environ)
@@ -101,8 +101,8 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         )
     if run.ended_early:
         raise UsageError(
-            f"{run.label} is incomplete: it ended before all of its tests had. It cannot become a baseline: run its "
-            "command again."
+            f"{run.label} is incomplete: not all of its tests came to their verdicts. It cannot become a baseline: run "
+            "its command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")

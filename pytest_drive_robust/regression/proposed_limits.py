@@ -80,8 +80,8 @@ def kept_requirements(
 def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> None:
     if run.ended_early:
         raise UsageError(
-            f"the run {run.label!r} is incomplete: it ended before all of its tests had, so requirements are missing. "
-            "Such a run gives no limits: run its command again."
+            f"the run {run.label!r} is incomplete: not all of its tests came to their verdicts, so requirements "
+            "are missing. Such a run gives no limits: run its command again."
         )
     broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
     if broken:

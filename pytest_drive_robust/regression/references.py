@@ -37,9 +37,12 @@ _END = 1024
 """So many bytes at the end of a stored run hold its name, its date and its commit."""
 
 
-def project_home() -> Path:
-    """Return the nearest folder upwards that has stored runs or blessed baselines; the current one where none has."""
-    folder = Path.cwd()
+def project_home(start: Path | None = None) -> Path:
+    """Return the nearest folder upwards that has stored runs or blessed baselines; the current one where none has.
+
+    `start` is another folder to look from.
+    """
+    folder = start or Path.cwd()
     for candidate in (folder, *folder.parents):
         if (candidate / DEFAULT_STORE).is_dir() or (candidate / "suites" / "baselines").is_dir():
             return candidate
@@ -102,7 +105,8 @@ class StoredRuns:
         if name == "latest" and names:
             name = names[-1]
         if name not in names:
-            raise UnknownNameError.of("stored run", name, names, hint="Store one with --drive-save=NAME.")
+            hint = f"Store one with --drive-save=NAME. Looked in {str(self.path)!r}."
+            raise UnknownNameError.of("stored run", name, names, hint=hint)
         return self.path / f"{name}.json"
 
     def _free(self, name: str) -> str:

@@ -16,7 +16,7 @@ CellPair = tuple[Cell, Cell]
 
 _MOST_ROUTES = 5
 """So many are named."""
-_CUT_OFF = "the run ended before all of its tests had"
+_CUT_OFF = "not all tests of the run came to their verdicts"
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ def cut_off(before: Snapshot, lacking: Iterable[str]) -> Iterable[Mismatch]:
     """Yield a mismatch where the old run lacks what is asked for (`"AGENT under SETTING"`) as it ended before that."""
     told = list(lacking) if before.ended_early else []
     if told:
-        text = f"{before.label} ended before all of its tests had, and lacks {_first_of(told)}"
+        text = f"not all tests of {before.label} came to their verdicts, and it lacks {_first_of(told)}"
         yield Mismatch("routes", text, "Run the command of that run again")
 
 

@@ -85,7 +85,7 @@ class Cell:
 class Snapshot:
     """A run, or what was blessed of several. `label` is how people call it; date and commit are empty if unknown.
 
-    `ended_early` is True where the run ended before all of its tests had: settings may be missing.
+    `ended_early` is True where the run ended before all of its tests had, or some broke: settings may be missing.
     """
 
     label: str

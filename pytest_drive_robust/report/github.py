@@ -64,7 +64,7 @@ def _headline(run: RunResult) -> str:
     parts += [counted(counts["error"], "error")] if counts["error"] else []
     parts += [f"{inconclusive} inconclusive"] if inconclusive else []
     if run.ended_early:
-        parts.append("but the run ended early")
+        parts.append("but not all tests came to their verdicts")
     elif any(len(row.results) < row.needed for row in run.rows):
         parts.append("but not all episodes were driven")
     reading = run.options.reading

@@ -86,7 +86,8 @@ class RunResult:
     What was driven ahead of a verdict that then did not need it is left out: what a run shows does not depend on who
     was quicker. `driven` is how many of `episodes` this run drove itself; the others were in the store.
     `late` are those of `judged` that were open in their test and became fails when all p-values were known.
-    `ended_early` is True where tests were left when the run ended: what they would have judged is not in it.
+    `ended_early` is True where tests were left when the run ended, or broke before they asked for a verdict: what they
+    would have judged is not in it.
     """
 
     options: RunOptions

@@ -136,7 +136,7 @@ def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
 
 def test_a_run_with_tests_left_does_not_look_like_a_whole_one(opened, tmp_path):
     page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 60.0)], ended_early=True)).go()
-    assert text(page) == "The requirement holds, but the run ended early"
+    assert text(page) == "The requirement holds, but not all tests came to their verdicts"
 
 
 def test_an_interval_of_rd_ends_as_in_the_terminal(opened, tmp_path):

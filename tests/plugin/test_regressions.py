@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import re
+import shlex
 
 import jsonschema
 import pytest
@@ -50,7 +51,7 @@ def stored(folder, name):
 def test_a_run_is_stored_with_its_fingerprint(both, workers):
     result = run(both, "--drive-save=before", *workers)
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["stored as before; *--drive-compare=before*"])
+    result.stdout.fnmatch_lines(["stored as before; *--drive-compare=before or drive-robust bless before *"])
     document = stored(both, "before")
     assert document["schema"] == 1
     assert document["stored"]["name"] == "before"
@@ -64,6 +65,28 @@ def test_a_run_is_stored_with_its_fingerprint(both, workers):
     assert len(fingerprint["agents"]["steady"]["source"]) == 12
     assert [path.name for path in (both.path / ".drive-robust" / "runs").iterdir()] == ["before.json"]
     assert (both.path / ".drive-robust" / ".gitignore").read_text() == "*\n"
+
+
+def test_the_advice_on_a_run_that_was_stored_elsewhere_leads_there(both, monkeypatch, capsys):
+    """As of one suite of several in a repository, with an ini file of its own."""
+    above = both.path.parent
+    monkeypatch.chdir(above)
+    told = run(both, str(both.path), "--drive-save=before").stdout.str()
+    assert f'or cd {both.path} && drive-robust bless before --reason "..."' in told
+    capsys.readouterr()
+    assert main(["bless", "before", "--reason", "agreed"]) == 4
+    assert f"Looked in '{above / '.drive-robust' / 'runs'}'." in capsys.readouterr().err
+
+
+def test_the_advice_on_a_run_names_the_baselines_of_the_ini_file(both, monkeypatch):
+    monkeypatch.chdir(both.path)
+    monkeypatch.delenv("CI", raising=False)
+    with (both.path / "tox.ini").open("a") as ini:
+        ini.write("drive_baselines = accepted runs\n")
+    told = run(both, "--drive-save=before").stdout.str()
+    (advice,) = re.findall("or drive-robust (bless before .*)", told)
+    assert main(shlex.split(advice)) == 0
+    assert run(both, "--drive-compare=baseline").ret == 0
 
 
 def test_without_the_options_no_run_is_stored(both):
@@ -372,14 +395,14 @@ def test_a_run_that_its_first_failure_ended_is_not_taken_for_whole(suite, driven
     assert main(["compare", "before", "early"]) == 1
     told = capsys.readouterr().out.splitlines()
     assert re.match(r"NOT JUDGED: \d of \d+ settings against before: steady under throttle 0\.\d: not sc", told[-1])
-    assert "not scored: the run ended before all of its tests had" in told[-1]
+    assert "not scored: not all tests of the run came to their verdicts" in told[-1]
     assert main(["compare", "early", "before"]) == 4
-    lacks = "early ended before all of its tests had, and lacks steady"
+    lacks = "not all tests of early came to their verdicts, and it lacks steady"
     assert f"NOT COMPARED with early: {lacks}" in capsys.readouterr().out
     assert main(["bless", "early", "--reason", "why"]) == 4
-    assert "early is incomplete: it ended before all of its tests had." in capsys.readouterr().err
+    assert "early is incomplete: not all of its tests came to their verdicts." in capsys.readouterr().err
     assert main(["-p", "conftest.py", "limits", "--run", "early", "--agent", "steady"]) == 4
-    assert "'early' is incomplete: it ended before all of its tests had, so" in capsys.readouterr().err
+    assert "'early' is incomplete: not all of its tests came to their verdicts, so" in capsys.readouterr().err
     told = refused(folder, driven, "--drive-compare=early")
     assert f"this run could not be compared with early: {lacks}" in told
     assert run(folder, "--drive-compare=early", "-k", "throttle-0.9 and not 100").ret == 0  # all of this is in it
@@ -405,6 +428,43 @@ def test_a_run_that_a_crash_ended_is_not_taken_for_whole(suite, workers, crash, 
     assert document["notes"] == [
         f"the run {told}: requirements whose tests had not ended by then are not in this report"
     ]
+
+
+@pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["one-process", "one-worker"])
+def test_a_run_of_which_a_test_broke_before_it_asked_is_not_taken_for_whole(suite, monkeypatch, workers):
+    flaky = "\n\n@pytest.fixture(autouse=True)\ndef network(request):\n"
+    flaky += '    assert "throttle" not in request.node.name or "DOWN" not in os.environ, "no network"\n'
+    folder = suite(HOLDS, ALSO, conftest=flaky)
+    run(folder, "--drive-save=before")
+    kept = stored(folder, "before")
+    monkeypatch.setenv("DOWN", "today")
+    result = run(folder, "--drive-save=before", "--drive-compare=before", *workers)
+    result.assert_outcomes(passed=1, errors=1)
+    result.stdout.fnmatch_lines(["*NOT JUDGED: 1 of 2 settings against before: steady under throttle 0.9: *"])
+    assert stored(folder, "before") == kept
+    run(folder, "--drive-save=down", *workers)
+    document = stored(folder, "down")
+    assert document["ended_early"] is True
+    (note,) = document["notes"]
+    assert re.match(r"test_suite.py::test_requirement\[ds-throttle\S+ broke before it asked for a verdict: ", note)
+
+
+def test_a_run_without_a_file_that_cannot_be_collected_is_not_taken_for_whole(suite):
+    folder = suite(HOLDS)
+    (folder.path / "test_other.py").write_text("import nothing_of_that_name")
+    run(folder, "--drive-save=early", "--continue-on-collection-errors")
+    document = stored(folder, "early")
+    assert document["ended_early"] is True
+    assert document["notes"] == [
+        "test_other.py broke before it asked for a verdict: what it would have judged is not in this report"
+    ]
+
+
+def test_a_run_with_a_test_that_fails_for_itself_is_complete(suite):
+    own = "    assert False\n\ndef test_plain():\n    assert False\n"
+    folder = suite(HOLDS, test=f"\n\ndef test_own(drive):\n    drive.ds('throttle 0.9')\n{own}")
+    run(folder, "--drive-save=before").assert_outcomes(passed=1, failed=2)
+    assert stored(folder, "before")["ended_early"] is False
 
 
 def test_a_run_whose_last_test_failed_is_complete_with_x_too(suite):

@@ -85,6 +85,42 @@ def test_a_store_outside_is_found_again_though_it_moves_the_root_folder(rerun, m
     assert statistics(rerun.folder.path / "store").records == 6
 
 
+@pytest.mark.parametrize("addopts", ["", "--drive-store ../store"], ids=["command-line", "environment"])
+def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, monkeypatch, plugin_args, addopts):
+    """The ini file names the agent: another one would be judged, from the second run on."""
+    below = rerun.folder.path / "project"
+    below.mkdir()
+    for name in ("conftest.py", "test_suite.py", "routes.xml", "tox.ini"):
+        (rerun.folder.path / name).rename(below / name)
+    (rerun.folder.path / "store").mkdir()
+    monkeypatch.chdir(below)
+    monkeypatch.setenv("PYTEST_ADDOPTS", addopts)
+    line = [*plugin_args, "--drive-robust"]
+    result = rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store", "../store"]))
+    told = "\n".join(result.errlines)
+    assert result.ret == 4
+    assert f"takes '../store' for a place of tests, so that it reads no ini file, and not '{below}/tox.ini'" in told
+    assert "as one word, as in --drive-store=FOLDER." in told
+    monkeypatch.setenv("PYTEST_ADDOPTS", addopts.replace(" ", "="))
+    assert rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store=../store"])).ret == 0
+
+
+def test_a_run_is_not_stored_where_the_value_of_an_option_has_moved_the_root_folder(rerun, monkeypatch, plugin_args):
+    below = rerun.folder.path / "project"
+    below.mkdir()
+    for name in ("conftest.py", "test_suite.py", "routes.xml"):
+        (rerun.folder.path / name).rename(below / name)
+    (rerun.folder.path / "tox.ini").unlink()
+    monkeypatch.chdir(below)
+    line = [*plugin_args, "-W", "ignore:Module already imported", "--drive-robust", "--drive-sim=fake"]
+    line += ["--drive-agent=steady", "--drive-routes=routes.xml", "--drive-executor=inline"]
+    first = rerun.folder.runpytest_inprocess(*line, "--drive-store", "../store", "--drive-save=one")
+    second = rerun.folder.runpytest_inprocess(*line, "--drive-store", "../store", "--drive-compare=one")
+    third = rerun.folder.runpytest_inprocess(*line, "--drive-store=../store", "--drive-compare=one")
+    assert [first.ret, second.ret, third.ret] == [0, 4, 0]
+    assert f"its root folder, where runs are stored, is '{below.parent}', and not '{below}'" in "".join(second.errlines)
+
+
 def test_a_byte_of_the_agent_drives_again_and_a_test_of_another_name_does_not(rerun):
     arguments = ("--drive-agent", "agent_module:own")
     suite_file, agent_file = rerun.folder.path / "test_suite.py", rerun.folder.path / "agent_module.py"

@@ -55,7 +55,7 @@ def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
 
 
 def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
-    told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but the run ended early"
+    told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but not all tests came to their verdicts"
     assert step_summary(replace(run_of(WILD), ended_early=True)).splitlines()[0] == told
 
 

@@ -42,7 +42,7 @@ driveRobust.views.set("", (() => {
     if (count("fail")) parts.push(`${count("fail")} broken`);
     if (count("error")) parts.push(counted(count("error"), "error"));
     if (count("inconclusive")) parts.push(`${count("inconclusive")} inconclusive`);
-    if (run.endedEarly) parts.push("but the run ended early");
+    if (run.endedEarly) parts.push("but not all tests came to their verdicts");
     else if (run.rows.some((row) => row.finished < row.needed)) parts.push("but not all episodes were driven");
     return parts.join(", ");
   }

@@ -1,0 +1,66 @@
+"""The root folder and the ini file of pytest, where it took the value of an option for a place of tests.
+
+pytest looks for both before it knows the options of plugins: of `--drive-store ../store` it takes `../store`, once that
+is there, for a folder of tests, and may then pass over the ini file, which names the agent.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import shlex
+from pathlib import Path
+
+import pytest
+from _pytest.config.findpaths import determine_setup
+
+from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.option import asked_for
+
+
+def refuse_moved_root(config: pytest.Config) -> None:
+    """Raise `UsageError` where another ini file is read than the places of tests have.
+
+    So too where the root folder is another one, and runs are stored in it or looked for.
+    """
+    taken = _taken(config)
+    if not taken:
+        return
+    root, ini = _meant(config)
+    if ini != config.inipath:
+        said = f"it reads {_named(config.inipath)}, and not {_named(ini)}"
+    elif root != config.rootpath and any(asked_for(flag, config) for flag in ("--drive-save", "--drive-compare")):
+        said = f"its root folder, where runs are stored, is {str(config.rootpath)!r}, and not {str(root)!r}"
+    else:
+        return
+    raise UsageError(
+        f"pytest takes {' and '.join(map(repr, taken))} for a place of tests, so that {said}. Write an option and its "
+        "value as one word, as in --drive-store=FOLDER."
+    )
+
+
+def _taken(config: pytest.Config) -> list[str]:
+    """Return what is there by the words of the command line that are no places of tests."""
+    here, option = config.invocation_params.dir, config.option
+    words = [*shlex.split(os.environ.get("PYTEST_ADDOPTS", "")), *map(str, config.invocation_params.args)]
+    known = (*option.file_or_dir, option.rootdir, option.inifilename)
+    return [word for word in words if not word.startswith("-") and word not in known and os.path.exists(here / word)]
+
+
+def _meant(config: pytest.Config) -> tuple[Path, Path | None]:
+    """Return the root folder and the ini file that pytest finds for the places of tests alone."""
+    here, option = config.invocation_params.dir, config.option
+    asked = {
+        "inifile": option.inifilename and str(here / option.inifilename),
+        "override_ini": option.override_ini,  # from pytest 9 on
+        "args": [str(here / place) for place in option.file_or_dir],
+        "rootdir_cmd_arg": option.rootdir and str(config.rootpath),
+        "invocation_dir": here,
+    }
+    wanted = inspect.signature(determine_setup).parameters
+    root, ini, *_ = determine_setup(**{name: value for name, value in asked.items() if name in wanted})
+    return root, ini
+
+
+def _named(ini: Path | None) -> str:
+    return "no ini file" if ini is None else repr(str(ini))
