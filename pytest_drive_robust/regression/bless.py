@@ -50,9 +50,9 @@ def bless(
     With `only`, routes that it did not drive are dropped under the settings that it did drive.
 
     `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
-    Raises `UsageError` where `CI` is set in `environ`, without a reason, for a run that the simulator broke an episode
-    of, of which a test came to no verdict, that did without routes once its verdicts were in, or that holds no score, and,
-    unless `replace_routes`, for routes that are others than the blessed ones of the same id. Nothing is written then.
+    Raises `UsageError`, and writes nothing, where `CI` is set in `environ`; without a reason; for a run with an episode
+    that the simulator broke, with a test that came to no verdict, with routes left out once its verdicts were in, or
+    without a score; and, unless `replace_routes`, for routes that are others than the blessed ones of the same id.
     """
     _require_acceptable(run, signature, environ)
     prepared = []
