@@ -15,13 +15,16 @@ import pytest
 from _pytest.config.findpaths import determine_setup
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.option import asked_for
+from pytest_drive_robust.options.option import asked_for, was_given
+
+_RUNS = ("--drive-save", "--drive-compare")
+"""The options that store a run, or look for one."""
 
 
 def refuse_moved_root(config: pytest.Config) -> None:
-    """Raise `UsageError` where another ini file is read than the places of tests have.
+    """Raise `UsageError` where pytest reads another ini file than the places of tests have.
 
-    So too where the root folder is another one, and runs are stored in it or looked for.
+    Raise it, too, where the root folder is another one, and episodes or runs are kept there.
     """
     taken = _taken(config)
     if not taken:
@@ -29,14 +32,18 @@ def refuse_moved_root(config: pytest.Config) -> None:
     root, ini = _meant(config)
     if ini != config.inipath:
         said = f"it reads {_named(config.inipath)}, and not {_named(ini)}"
-    elif root != config.rootpath and any(asked_for(flag, config) for flag in ("--drive-save", "--drive-compare")):
-        said = f"its root folder, where runs are stored, is {str(config.rootpath)!r}, and not {str(root)!r}"
+    elif root != config.rootpath and _stores_in_root(config):
+        said = f"its root folder, where episodes and runs are kept, is {str(config.rootpath)!r}, and not {str(root)!r}"
     else:
         return
     raise UsageError(
         f"pytest takes {' and '.join(map(repr, taken))} for a place of tests, so that {said}. Write an option and its "
         "value as one word, as in --drive-store=FOLDER."
     )
+
+
+def _stores_in_root(config: pytest.Config) -> bool:
+    return not was_given("--drive-store", config) or any(asked_for(flag, config) for flag in _RUNS)
 
 
 def _taken(config: pytest.Config) -> list[str]:

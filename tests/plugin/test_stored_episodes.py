@@ -105,20 +105,34 @@ def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, monkeypa
     assert rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store=../store"])).ret == 0
 
 
-def test_a_run_is_not_stored_where_the_value_of_an_option_has_moved_the_root_folder(rerun, monkeypatch, plugin_args):
+@pytest.mark.parametrize(
+    ("options", "first", "again"),
+    [
+        ("--drive-store ../elsewhere", "--drive-save=one", "--drive-compare=one"),
+        ("--drive-json ../elsewhere/run.json", "", ""),
+    ],
+    ids=["runs", "episodes"],
+)
+def test_nothing_is_stored_where_the_value_of_an_option_has_moved_the_root_folder(
+    rerun, monkeypatch, plugin_args, options, first, again
+):
     below = rerun.folder.path / "project"
     below.mkdir()
     for name in ("conftest.py", "test_suite.py", "routes.xml"):
         (rerun.folder.path / name).rename(below / name)
     (rerun.folder.path / "tox.ini").unlink()
     monkeypatch.chdir(below)
+    if "json" in options:
+        (rerun.folder.path / "elsewhere").mkdir()
     line = [*plugin_args, "-W", "ignore:Module already imported", "--drive-robust", "--drive-sim=fake"]
     line += ["--drive-agent=steady", "--drive-routes=routes.xml", "--drive-executor=inline"]
-    first = rerun.folder.runpytest_inprocess(*line, "--drive-store", "../store", "--drive-save=one")
-    second = rerun.folder.runpytest_inprocess(*line, "--drive-store", "../store", "--drive-compare=one")
-    third = rerun.folder.runpytest_inprocess(*line, "--drive-store=../store", "--drive-compare=one")
-    assert [first.ret, second.ret, third.ret] == [0, 4, 0]
-    assert f"its root folder, where runs are stored, is '{below.parent}', and not '{below}'" in "".join(second.errlines)
+    drove = rerun.folder.runpytest_inprocess(*line, *options.split(), *first.split())
+    moved = rerun.folder.runpytest_inprocess(*line, *options.split(), *again.split())
+    mended = rerun.folder.runpytest_inprocess(*line, options.replace(" ", "="), *again.split())
+    assert [drove.ret, moved.ret, mended.ret] == [0, 4, 0]
+    said = f"its root folder, where episodes and runs are kept, is '{below.parent}', and not '{below}'"
+    assert said in "".join(moved.errlines)
+    assert len((below / "driven.log").read_text().splitlines()) == 6, "the third run drives nothing"
 
 
 def test_a_byte_of_the_agent_drives_again_and_a_test_of_another_name_does_not(rerun):
