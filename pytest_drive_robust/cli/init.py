@@ -49,6 +49,16 @@ def _init(options: argparse.Namespace) -> int:
         say(f"{path}: written")
     if options.ci:
         say("the workflow drives the agent that drive_agent names in pytest.ini or pyproject.toml, else one of ours")
+        _say_where_it_is_read(Path(_WORKFLOWS[options.ci]))
     say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-verdict point --drive-save")
     say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")
     return 0
+
+
+def _say_where_it_is_read(workflow: Path) -> None:
+    """Tell somebody who is below the root of a repository that its workflows are read in the root only."""
+    here = Path.cwd()
+    root = next((folder for folder in (here, *here.parents) if (folder / ".git").exists()), here)
+    if root != here:
+        say(f"{workflow} is read at the root of the repository only: move it to {root / workflow}")
+        say(f"and let its commands run in {here.relative_to(root).as_posix()}, where its paths start from")

@@ -53,6 +53,22 @@ def test_it_writes_the_workflow_that_the_documentation_shows(
     assert text == shown[1]
 
 
+@pytest.mark.parametrize("repository", [".", "../..", None], ids=["its root", "below it", "none"])
+def test_below_the_root_of_a_repository_it_says_where_the_workflow_is_read(
+    repository: str | None, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    top = Path.cwd()
+    (top / "part" / "car").mkdir(parents=True)
+    monkeypatch.chdir(top / "part" / "car")
+    if repository is not None:
+        Path(repository, ".git").mkdir()
+    assert main(["init", "--ci", "github"]) == 0
+    said = capsys.readouterr().out
+    moved = f"only: move it to {top}/.github/workflows/robustness.yml\nand let its commands run in part/car,"
+    assert (moved in said) is (repository == "../..")
+    assert ("root of the repository" in said) is (repository == "../..")
+
+
 @pytest.mark.parametrize("there", ["robustness/limits.txt", ".gitlab-ci.yml"])
 def test_it_never_writes_over_a_file_and_then_writes_none(there: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path(there).parent.mkdir(exist_ok=True)
