@@ -47,7 +47,7 @@ _GROUP = re.compile(r"(?<=[\])\w])@[^]/:@]*\Z")
 
 @dataclass(frozen=True, slots=True)
 class Waiver:
-    """A requirement, or a pattern of requirements, that may fail until the end of the day `expires`."""
+    """A requirement, or a pattern of requirements, that may fail until the end of `expires`; `owner` answers for it."""
 
     requirement: str
     owner: str

@@ -43,9 +43,9 @@ class SettingRow:
     `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
     the clean twins were not driven, do not compare or score below the floor of the verdict rule. `verdict` is the worst
     of the requirements on this row: `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged.
-    `needed` counts the episodes without those that no verdict waited for. If a verdict did not wait for all `planned`
-    routes, `ds_interval` and `rd_interval` are the intervals of DS and RD on routes like these (alpha of the verdict
-    rule a side). `judged` holds the value of every metric that a requirement on this row names.
+    `needed` counts the episodes of the row, except spared ones. If a verdict did not wait for all `planned` routes,
+    `ds_interval` and `rd_interval` are the intervals of DS and RD on routes like these (alpha of the verdict rule a
+    side). `judged` holds the value of every metric that a requirement on this row names.
     """
 
     agent: str

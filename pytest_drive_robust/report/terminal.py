@@ -197,7 +197,7 @@ def _mistaken(run: RunResult) -> list[str]:
 
 
 def _value(judged: Judged) -> str:
-    """Return the value of a requirement as text that can be told from the limit."""
+    """Return the value of a requirement as text, with enough decimals to differ from the limit beside it."""
     return shown_beside(judged.metric, judged.value, judged.limit)
 
 

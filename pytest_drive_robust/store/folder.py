@@ -6,8 +6,8 @@ files appear whole (see `whole_file`) and the same key means the same bits. Clai
 On a network file system other hosts see a record as soon as it was renamed, because they open the record by its name.
 A mount may remember for a while that a name was missing (`acdirmax`, a minute at most for NFS); a host that looks too
 early drives the episode once more and gets the same bits. Where locks are local to each host (`nolock`, many FUSE and
-Lustre mounts without `flock`), two hosts may drive an episode twice, but never two processes of one host. Only
-`drive-robust store gc` uses the age of files, and it asks the server for the time.
+Lustre mounts without `flock`), two hosts may drive an episode twice, but never two processes of one host. No clock and
+no age of a file decides anything, except in `drive-robust store gc`, which asks the server for the time.
 """
 
 from __future__ import annotations

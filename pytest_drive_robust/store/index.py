@@ -46,7 +46,7 @@ _NAMES = tuple(item.name for item in fields(IndexedEpisode))
 
 
 def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
-    """Return the index row of each record, sorted by key. Reads only records that changed since the last call."""
+    """Return the index row of each record, sorted by key. Reads only records that changed since they were indexed."""
     if next(files.all_keys(), None) is None and not (files.folder / _FILE).exists():
         return []  # write no index into a folder without records
     try:

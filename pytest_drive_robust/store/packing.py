@@ -16,9 +16,9 @@ _LEVEL = 4
 
 
 def pack(rows: NDArray[Any]) -> bytes:
-    """Pack a table column by column: of each number the first byte of all ticks, then the second, and so on.
+    """Pack a table column by column: the first bytes of all ticks, then the second bytes, and so on.
 
-    Neighbouring ticks differ in their last bytes only, so the first ones compress to almost nothing.
+    Neighbouring ticks differ only in their last bytes, so the first bytes compress to almost nothing.
     """
     columns = np.ascontiguousarray(rows.T)
     if columns.size == 0:

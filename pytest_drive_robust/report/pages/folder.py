@@ -53,7 +53,7 @@ def write_pages(
     """Write the report to `folder` and return the path of its page; an earlier report is replaced.
 
     The earlier report is replaced after the whole new report is written, so that a full disk leaves the earlier report,
-    and two runs that write at the same time leave one whole report.
+    and two runs that write at the same time leave the report of one of them.
 
     `films` are videos of `drive-robust replay`, matched to episodes by their names (`film_name`). Raises `UsageError`
     for an unusable folder, a film inside `folder` or a damaged run, `OSError` when writing fails.
