@@ -50,18 +50,18 @@ ABILITIES: Mapping[str, frozenset[str]] = MappingProxyType(
 """The scenario types of each ability; a type may be in two of them. `HardBreakRoute` is the schema's spelling."""
 
 SIGNS = "Traffic_Signs"
-"""The ability that has a rule of its own."""
+"""The ability with its own success rule, see `abilities`."""
 _SIGN_INFRACTIONS = (InfractionKind.RED_LIGHT, InfractionKind.STOP_SIGN)
 _EVALUATOR = "bench2drive"
-"""Among the versions of an episode that the official evaluator drove, whose records tell of no junction."""
+"""The version entry of episodes that the official evaluator drove; its records do not say `junction_passed`."""
 
 
 def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
-    """Return the success rate (0..1) of each ability over its routes, None where no episode belongs to it.
+    """Return the success rate (0..1) of each ability over its routes, or None when no episode belongs to the ability.
 
-    Traffic_Signs has a rule of its own: an episode that failed later counts when it passed the first junction by 8
-    waypoints without running a red light or a stop sign. It is None, too, where that is not known of an episode (see
-    `signs_between`). Raises `ComparisonError` for no episode or an `infra_error`.
+    Traffic_Signs has its own rule: an episode that failed later counts when the ego passed the first junction by 8
+    waypoints without running a red light or a stop sign. Traffic_Signs is also None when the records do not say that of
+    an episode (see `signs_between`). Raises `ComparisonError` for no episode or an `infra_error`.
     """
     require_scorable(results)
     rates = {
@@ -75,7 +75,7 @@ def abilities(results: Sequence[EpisodeResult]) -> dict[str, float | None]:
 
 
 def signs_between(results: Sequence[EpisodeResult]) -> tuple[float, float] | None:
-    """Return the least and the largest that Traffic_Signs may be (0..1), None where it is known or has no route.
+    """Return the smallest and largest possible Traffic_Signs rate (0..1), or None when it is known or has no route.
 
     Records of the official evaluator do not say whether the first junction was passed; `drive-robust score` with
     `--routes` and `--carla-root` asks the maps.

@@ -45,7 +45,7 @@ YAW_ACCELERATION_RADPS2 = (-1.93, 1.93)
 YAW_RATE_RADPS = (-0.95, 0.95)
 
 COMFORT_QUIRKS = ("degrees", "unwrap", "rate-twice", "half-jerk", "20-samples", "standing", "short-window")
-"""The points of the table above in which the official tool is odd: all of them are `bench2drive`, none is `fixed`."""
+"""The quirks of the official tool in the table above; the mode `bench2drive` has all of them, `fixed` has none."""
 
 _SEGMENT_SAMPLES = 20
 _WINDOW_SAMPLES = 7
@@ -58,7 +58,8 @@ _STANDING_MPS = 0.1
 class Motion:
     """The planar motion of a vehicle, one sample a tick: each array is (samples,) float64.
 
-    `magnitude_mps2` is the length of the acceleration: that of `forward` and `right` unless the vehicle is tilted.
+    `magnitude_mps2` is the length of the acceleration vector; it equals the length of (`forward`, `right`) unless the
+    vehicle is tilted.
     """
 
     forward_mps2: Floats
@@ -93,7 +94,7 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
 
 
 def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> float | None:
-    """Compute `comfort` of a recorded motion with some of `COMFORT_QUIRKS`: what each of them does to the number."""
+    """Return `comfort` of a recorded motion with only the given `COMFORT_QUIRKS`, to show what each quirk changes."""
     count = len(motion.forward_mps2)
     if count < (_POLYNOMIAL_ORDER + 1 if "short-window" in quirks else _WINDOW_SAMPLES):
         return None
@@ -107,7 +108,7 @@ def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> fl
 
 
 def _cut(values: Floats, samples: int) -> Floats:
-    """Return the whole segments, one in each row."""
+    """Return the whole segments of (n,) `values` as (segments, samples); an incomplete last segment is dropped."""
     segments = len(values) // samples
     return values[: segments * samples].reshape(segments, samples)
 
@@ -147,7 +148,7 @@ def _slope(values: Floats, step_s: float) -> Floats:
 
 
 def _unwrapped(rates: Floats) -> Floats:
-    """Take out steps of more than half of 2 pi between samples: meant for angles, applied to a rate by the tool."""
+    """Remove steps of more than pi between samples: meant for angles, but the official tool applies it to a rate."""
     import numpy as np
 
     turns = np.zeros_like(rates)
@@ -159,8 +160,8 @@ def _unwrapped(rates: Floats) -> Floats:
 def parabola_filter(values: Floats, window: int, *, derivative: int, step_s: float) -> Floats:
     """Return `values` (..., samples) smoothed (`derivative` 0), or their slope per second (1), of the same shape.
 
-    Windows of 3 or more samples and at most as many as there are; an even one must be all of them. `step_s` is the
-    time between two samples.
+    `window` is 3 or more and at most the number of samples; an even `window` must equal it. `step_s` is the time
+    between two samples.
     """
     import numpy as np
 
@@ -173,7 +174,7 @@ def parabola_filter(values: Floats, window: int, *, derivative: int, step_s: flo
 
 @functools.lru_cache(maxsize=64)
 def _windows(samples: int, window: int, derivative: int) -> tuple[NDArray[np.int64], Floats]:
-    """Return for each sample where its window begins, (samples,), and the weights of it, (samples, window)."""
+    """Return the first index of each sample's window, (samples,), and the window's weights, (samples, window)."""
     import numpy as np
 
     within = np.arange(window) - (window - 1) / 2.0

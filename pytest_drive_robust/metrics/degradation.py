@@ -1,4 +1,4 @@
-"""Robustness degradation, the paper's own metric (section "Metrics"), and which episodes it may compare."""
+"""Robustness degradation (RD), the metric of the paper (section "Metrics"), and the pairing of its episodes."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _SHOWN = 5
 
 
 def robustness_degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> float:
-    """Return RD = 1 - DS_perturbed / DS_clean, of means over the same routes and seeds: at most 1, 0 is no loss.
+    """Return RD = 1 - DS_perturbed / DS_clean of the mean driving scores over equal routes and seeds; 1 at most.
 
-    Raises `ComparisonError` for sets that do not pair (see `pair_up`) and for a clean driving score of 0:
-    an agent that drives nowhere has nothing to lose.
+    An RD of 0 is no loss. Raises `ComparisonError` for sets that do not pair (see `pair_up`) and for a clean driving
+    score of 0: an agent that drives nowhere has nothing to lose.
     """
     clean_scores, perturbed_scores = paired_driving_scores(clean, perturbed)
     return 1.0 - mean(perturbed_scores) / mean(clean_scores)
@@ -32,7 +32,7 @@ def paired_driving_scores(
 ) -> tuple[list[float], list[float]]:
     """Return the clean and the perturbed driving score of each route (mean over its seeds), in the same order.
 
-    Raises `ComparisonError` for the same sets as `robustness_degradation`.
+    Raises `ComparisonError` as `robustness_degradation` does.
     """
     pairs = pair_up(clean, perturbed)
     clean_scores = list(values_by_route([pair[0] for pair in pairs], driving_score).values())
@@ -107,5 +107,5 @@ def _require_same_world(results: Sequence[EpisodeResult]) -> None:
 
 
 def _versions_of(result: EpisodeResult) -> dict[str, str]:
-    """Return what decides the world: another machine may round differently, which the reports say."""
+    """Return the versions that must be equal. Facts of the machine may change rounding; the reports show them."""
     return {name: version for name, version in result.versions.items() if name not in MACHINE_FACTS}

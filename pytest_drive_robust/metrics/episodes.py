@@ -1,6 +1,6 @@
-"""What every metric does with episodes: refuse what cannot be scored, average the seeds of a route before routes.
+"""Helpers of every metric: refuse episodes that cannot be scored, average the seeds of a route, then the routes.
 
-So the route is the unit of analysis. An episode without data (None) is left out.
+The route is the unit of analysis. An episode without data (None) is left out.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ def require_scorable(results: Sequence[EpisodeResult]) -> None:
 
 
 def route_and_seed(result: EpisodeResult) -> tuple[str, int]:
-    """Return what pairs an episode with its clean twin."""
+    """Return (route id, seed), by which an episode is paired with its clean twin."""
     return result.episode.route_id, result.episode.seed
 
 
 def values_by_route(
     results: Sequence[EpisodeResult], value_of: Callable[[EpisodeResult], float | None]
 ) -> dict[str, float]:
-    """Return the mean over seeds of `value_of`, for each route that has data, in the order of their first episode."""
+    """Return the mean over seeds of `value_of` for each route with data, in the order of the routes' first episodes."""
     collected: dict[str, list[float]] = {}
     for result in results:
         value = value_of(result)

@@ -24,7 +24,7 @@ PENALTIES: Mapping[InfractionKind, float] = MappingProxyType(
         InfractionKind.YIELD_EMERGENCY: 0.7,
     }
 )
-"""The factor of each event; `OUTSIDE_LANES` has its own, the kinds that end a route and `MIN_SPEED` have none."""
+"""The penalty factor of each infraction kind. `OUTSIDE_LANES` has a factor by its share; other kinds have none."""
 
 
 def penalty(result: EpisodeResult) -> float:
@@ -38,7 +38,7 @@ def penalty(result: EpisodeResult) -> float:
 def driving_score(result: EpisodeResult) -> float:
     """Return route completion times penalty, 0..100, rounded to 6 digits like the official records.
 
-    An episode that ended with `agent_error` is scored for what was driven until then. Raises `ComparisonError` for an
+    An episode that ended with `agent_error` is scored for the part driven until then. Raises `ComparisonError` for an
     `infra_error`.
     """
     require_scorable([result])

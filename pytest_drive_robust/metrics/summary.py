@@ -21,8 +21,8 @@ class Summary:
     """One row of a result table.
 
     `ds` is 0..100, `sr` 0..1, `efficiency` percent of the traffic's speed, `comfort` percent of the segments,
-    `abilities` success rates 0..1 by ability; None where no episode has data or it is not known. `agent_errors` of the
-    `episodes` ended with `agent_error`.
+    `abilities` success rates 0..1 by ability; None where no episode has data or the value is not known. `agent_errors`
+    counts the episodes of `episodes` that ended with `agent_error`.
     """
 
     ds: float
@@ -36,17 +36,17 @@ class Summary:
 
     @cached_property
     def comfort(self) -> float | None:
-        """Percent of the segments; computed when first asked for, since it takes the trace of every episode."""
+        """Percent of comfortable segments; computed at the first access, because it reads every episode's trace."""
         return mean_over_routes(self._results, lambda result: comfort(result, mode=self._mode))
 
     @cached_property
     def signs_between(self) -> tuple[float, float] | None:
-        """What Traffic_Signs lies between where records do not tell it, 0..1; None where it is known."""
+        """The smallest and largest possible Traffic_Signs rate, 0..1; None when the rate is known or has no route."""
         return signs_between(self._results)
 
     @property
     def mean_ability(self) -> float | None:
-        """The plain mean of the abilities that have data, 0..1; None where none has or one is not known."""
+        """The plain mean of the abilities with data, 0..1; None when none has data or Traffic_Signs is unknown."""
         return mean_ability(self.abilities) if self.signs_between is None else None
 
 

@@ -1,7 +1,7 @@
-"""The metrics by name, with range, unit and format: what requirements, tables and reports read.
+"""The metrics by name, with range, unit and format, for requirements, tables and reports.
 
-A metric of a user is a name and a function over the episodes of one setting; `Metric.from_function` wraps it, the hook
-and the entry point group `pytest_drive_robust.metrics` register it.
+A user's metric is a name and a function over the episodes of one setting. `Metric.from_function` wraps the function;
+the hook or the entry point group `pytest_drive_robust.metrics` registers it.
 """
 
 from __future__ import annotations
@@ -25,21 +25,21 @@ from pytest_drive_robust.metrics.score import driving_score, is_success
 
 
 class MetricFunction(Protocol):
-    """What a user registers: the value over the episodes of one setting, None when they hold no data."""
+    """A user's metric function: returns the value over the episodes of one setting, or None without data."""
 
     def __call__(self, results: Sequence[EpisodeResult], /) -> float | None:
         """Return the metric of `results` (one agent, one setting, never an `infra_error`)."""
 
 
 EpisodeValue = Callable[[EpisodeResult, str], "float | None"]
-"""The value of one episode in a mode; its mean over routes is the metric."""
+"""Returns the value of one episode in a mode; the metric is the mean of the values over routes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """One metric: `low..high` is its range, `decimals` how many a printed value has at least.
+    """One metric; `low..high` is the range, `decimals` the least number of decimals of a printed value.
 
-    Exactly one of `of_episode` and `function` computes it; RD has neither, because it needs the clean episodes too.
+    Either `of_episode` or `function` computes the metric; RD has neither, because RD also needs the clean episodes.
     """
 
     name: str
@@ -71,10 +71,10 @@ class Metric:
     def measure(
         self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
     ) -> float | None:
-        """Return the value over `results`, None without data.
+        """Return the value over `results`, or None without data.
 
-        Raises `ComparisonError` as its formula says, and where a user's function raises anything; `UnknownNameError`
-        for a mode that is none.
+        Raises `ComparisonError` as the metric's formula does, and when a user's function raises an error that is no
+        `DriveRobustError`; `UnknownNameError` for an unknown mode.
         """
         require_mode(mode)
         require_scorable(results)
@@ -88,10 +88,10 @@ class Metric:
     def by_route(
         self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
     ) -> tuple[list[float], list[float]]:
-        """Return the values and the references of all routes with data, means over seeds, in the same order.
+        """Return the values and the references of all routes with data, as means over seeds, in equal order.
 
-        What RD compares are driving scores, and its references those of `clean`; the references of others are 0. A
-        user's `function` has no values by route. Raises `ComparisonError` where RD is undefined.
+        For RD the values are perturbed driving scores and the references clean driving scores. Other metrics have the
+        reference 0. A user's `function` has no values by route. Raises `ComparisonError` when RD is undefined.
         """
         if self.needs_clean:
             references, scores = paired_driving_scores(clean, results)
@@ -104,14 +104,14 @@ class Metric:
     def of_route(
         self, results: Sequence[EpisodeResult], *, clean: Sequence[EpisodeResult] = (), mode: str = "bench2drive"
     ) -> tuple[float, float] | None:
-        """Return value and reference, as in `by_route`, of the episodes of one route, None when they hold no data."""
+        """Return value and reference (see `by_route`) of the episodes of one route, or None without data."""
         if self.needs_clean:
             return mean([driving_score(result) for result in results]), mean([driving_score(item) for item in clean])
         values, references = self.by_route(results, mode=mode)
         return (values[0], references[0]) if values else None
 
     def _value_of(self, function: MetricFunction, results: Sequence[EpisodeResult]) -> float | None:
-        """Call a user's function: what it raises is no verdict on the agent, and says where it was raised."""
+        """Call a user's function; turn its error, which is no verdict on the agent, into a `ComparisonError`."""
         try:
             return function(results)
         except DriveRobustError:
@@ -133,7 +133,7 @@ class Metric:
 
 
 def _place_of(error: Exception) -> str:
-    """Return in brackets the last line of the function's own file that led to its error; nothing for one in C."""
+    """Return " (file:line)" of the last frame in the user's own file, or an empty string for a function in C."""
     called = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is ours
     own = [frame for frame in called if frame.filename == called[0].filename]
     return f" ({own[-1].filename}:{own[-1].lineno})" if own else ""

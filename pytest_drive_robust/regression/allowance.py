@@ -1,4 +1,4 @@
-"""What may get worse, and by how much: `ds:-5%`, `sr:-0.05`, `rd:+0.05`."""
+"""Allowances: how much a metric may get worse, such as `ds:-5%`, `sr:-0.05`, `rd:+0.05`."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _EXPECTED = "expected a drop of DS or SR (ds:-5%, ds:-3, sr:-0.05) or a rise of 
 class Allowance:
     """One metric may get worse by `amount` and no more.
 
-    DS and SR may drop, by a share of what they were (`relative`) or in their own unit; RD may rise, in its own unit.
-    `str()` is what `parse_allowances` reads.
+    DS and SR may drop, by a share of the old value (`relative`) or in their own unit; RD may rise, in its own unit.
+    `str()` returns the text that `parse_allowances` reads.
     """
 
     metric: str
@@ -37,20 +37,20 @@ class Allowance:
 
     @property
     def sentence(self) -> str:
-        """What is claimed: `"DS drops by 5 % at most"`."""
+        """The allowance as a sentence, such as `"DS drops by 5 % at most"`."""
         verb = "rises" if self.metric == "RD" else "drops"
         amount = f"{100.0 * self.amount:g} %" if self.relative else f"{self.amount:g}"
         return f"{self.metric} {verb} by {amount} at most"
 
 
 DEFAULT_ALLOWANCES = (Allowance("DS", 0.05, relative=True),)
-"""An unchanged agent alarms in at most 0.2 % of its settings with this one; with 0 it would be 4 %."""
+"""A drop of DS by 5 %: an unchanged agent fails it in at most 0.2 % of its settings. With 0 it would be 4 %."""
 
 
 def parse_allowances(given: Iterable[str], *, source: str) -> tuple[Allowance, ...]:
-    """Read each of the texts, which may hold several with commas between them; `DEFAULT_ALLOWANCES` when there is none.
+    """Return the allowances of all texts, each with commas between allowances; `DEFAULT_ALLOWANCES` when all are empty.
 
-    Raises `UsageError`, naming `source`, for anything else.
+    Raises `UsageError`, naming `source`, for text that is no allowance.
     """
     texts = [text.strip() for each in given for text in each.split(",") if text.strip()]
     return tuple(dict.fromkeys(_parse(text, source) for text in texts)) or DEFAULT_ALLOWANCES

@@ -1,7 +1,7 @@
-"""Blessed baselines: `suites/baselines/<agent>.json`, small enough to be reviewed, one route a line.
+"""Blessed baselines: `suites/baselines/<agent>.json`, small enough to be reviewed, one route per line.
 
-A blessing adds and replaces the routes that its run drove; whatever else is in the file stays, with the blessing that
-it came from. Keys are sorted, so a diff shows what changed and nothing else.
+A blessing adds and replaces the routes that its run drove. Other routes in the file stay, with their own blessing. Keys
+are sorted, so that a diff shows only the changes.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
 
 SCHEMA = 1
-"""Grows when a key changes its meaning or goes away."""
+"""The version of the file format. Increase it when a key changes its meaning or goes away."""
 Place = tuple[str, str, str]
-"""(simulator, setting, route id): what a blessed score belongs to."""
+"""(simulator, setting, route id): the key of a blessed score."""
 _ELSEWHERE = ("route_id", "fingerprint")
-"""What the place and the blessing of a score tell."""
+"""The fields of a score that its place and its blessing already hold."""
 
 
 @dataclass(frozen=True, slots=True)
 class Blessing:
-    """Who accepted a run, when and why, and what it was driven with. What is not known is empty."""
+    """Who accepted a run, when and why, and with what the run was driven; unknown fields are empty."""
 
     date: str
     reason: str
@@ -48,14 +48,14 @@ class BlessedRoute(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Baseline:
-    """Everything that was accepted of one agent: `blessings` by their id, routes by their place."""
+    """The accepted scores of one agent: `blessings` by their id, `routes` by their place."""
 
     agent: str
     blessings: Mapping[str, Blessing] = field(default_factory=dict)
     routes: Mapping[Place, BlessedRoute] = field(default_factory=dict)
 
     def to_text(self) -> str:
-        """Return the file: sorted, one route a line."""
+        """Return the text of the file: sorted JSON, one route per line."""
         scores: dict[str, dict[str, dict[str, object]]] = {}
         for place in sorted(self.routes, key=lambda place: (*place[:2], _natural(place[2]))):
             simulator, setting, route_id = place
@@ -68,9 +68,9 @@ class Baseline:
 
 
 def merge(old: Baseline, new: Baseline) -> Baseline:
-    """Put `new` over `old`: its routes replace those of the same place, every other place stays as it is.
+    """Return `old` with the routes of `new`, which replace routes of equal place; every other place stays.
 
-    Blessings that no route refers to any more are dropped; git remembers them. Raises `UsageError` when the two are of
+    Blessings without any route left are dropped; git remembers them. Raises `UsageError` when the two baselines are of
     different agents.
     """
     if old.agent != new.agent:
@@ -84,7 +84,7 @@ def merge(old: Baseline, new: Baseline) -> Baseline:
 
 
 def baseline_file(folder: Path, agent: str) -> Path:
-    """Return where the baseline of an agent is; a name that is no file name gets a digest behind what is left of it."""
+    """Return the path of an agent's baseline; a name with characters unsafe in file names gets a digest appended."""
     plain = re.sub(r"[^A-Za-z0-9_.-]+", "-", agent).strip("-.") or "agent"
     if plain != agent:
         plain += "-" + hashlib.blake2b(agent.encode(), digest_size=3).hexdigest()
@@ -92,7 +92,7 @@ def baseline_file(folder: Path, agent: str) -> Path:
 
 
 def read_baseline(path: Path) -> Baseline:
-    """Read the baseline in `path`. Raises `UsageError` for a file that is none."""
+    """Read the baseline in `path`. Raises `UsageError` for a file that is no baseline."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_without_twins)
         if document["schema"] != SCHEMA:
@@ -115,9 +115,9 @@ def read_baseline(path: Path) -> Baseline:
 
 
 def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object of JSON. Raises `ValueError` for a key that it has twice, of which the last one would count.
+    """Return a JSON object as a dictionary. Raises `ValueError` for a repeated key, whose last value would win.
 
-    Who accepts both sides of a conflict in git has each changed route twice, the old score among them.
+    After a git merge that kept both sides of a conflict, each changed route occurs twice, with the old and new score.
     """
     twice = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
     if twice:
@@ -126,7 +126,7 @@ def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:
-    """Return `name` with the first number that is free, or that holds the same blessing."""
+    """Return `name` with the first number that is free or that already names an equal blessing."""
     number = 1
     while taken.get(f"{name}-{number}", blessing) != blessing:
         number += 1
@@ -146,7 +146,7 @@ def _blessed_route(route_id: str, item: Mapping[str, Any], blessings: Mapping[st
     fields = {**item, "seeds": tuple(item["seeds"])}
     blessing = fields.pop("blessing")
     score = RouteScore(route_id, fingerprint=blessings[blessing].fingerprint, **fields)
-    if not (0.0 <= score.ds <= 100.0 and 0.0 <= score.sr <= 1.0):  # people edit the file, and git merges it
+    if not (0.0 <= score.ds <= 100.0 and 0.0 <= score.sr <= 1.0):  # people edit the file, and git merges may break it
         raise ValueError(f"route {route_id!r} has ds={score.ds!r} and sr={score.sr!r}, expected 0 to 100 and 0 to 1")
     return BlessedRoute(blessing, score)
 
@@ -163,7 +163,7 @@ def _route_json(route: BlessedRoute) -> dict[str, object]:
 
 
 def _text(value: object, levels: int = 0, indent: str = "") -> str:
-    """Return JSON, the first `levels` levels of its objects with a line for each key."""
+    """Return `value` as JSON text; the outer `levels` levels of objects have one line per key."""
     if not levels or not isinstance(value, dict):
         return json.dumps(value, ensure_ascii=False, allow_nan=False)
     lines = [f"{indent}  {_text(key)}: {_text(item, levels - 1, indent + '  ')}" for key, item in value.items()]
@@ -171,15 +171,15 @@ def _text(value: object, levels: int = 0, indent: str = "") -> str:
 
 
 def _natural(text: str) -> list[tuple[int, int, str]]:
-    """Return what sorts `"merge-v0-2"` before `"merge-v0-10"`."""
+    """Return a sort key that puts `"merge-v0-2"` before `"merge-v0-10"`."""
     return [(0, int(part), part) if part.isdecimal() else (1, 0, part) for part in re.split(r"(\d+)", text)]
 
 
 def blessed_snapshot(baselines: Iterable[Baseline], *, simulator: str | None, label: str) -> Snapshot:
-    """Return what was blessed for one simulator, as a run; for the only one there is when `simulator` is None.
+    """Return the blessed scores for one simulator as a snapshot; `simulator` None means the only blessed simulator.
 
-    Raises `UsageError` when nothing was blessed for it, when it is not clear which one is meant, and when two of them
-    are of one agent: which file was read last would decide.
+    Raises `UsageError` when nothing was blessed for the simulator, when `simulator` is None and there are several, and
+    when two baselines are of one agent, because the order of reading would then decide.
     """
     baselines = list(baselines)
     twice = [agent for agent, count in Counter(baseline.agent for baseline in baselines).items() if count > 1]

@@ -22,9 +22,10 @@ from pytest_drive_robust.store.whole_file import write_whole
 
 @dataclass(frozen=True, slots=True)
 class Blessed:
-    """What happened to one file: how many scores are new, were replaced, were kept of others, and were dropped.
+    """The changes to one baseline file: how many scores were added, replaced, kept and dropped.
 
-    `beside` of the kept ones are of other routes under settings of the run: runs without these are refused.
+    `beside` counts the kept scores that lie on other routes under settings of the run. Later runs without these routes
+    are refused.
     """
 
     path: Path
@@ -45,14 +46,15 @@ def bless(
     replace_routes: bool = False,
     only: bool = False,
 ) -> tuple[Blessed, ...]:
-    """Write the scores of `run` into one file per agent in `folder`; what it did not drive stays as it was.
+    """Write the scores of `run` into one file per agent in `folder`; scores of routes that `run` did not drive stay.
 
-    With `only`, routes that it did not drive are dropped under the settings that it did drive.
+    With `only`, the undriven routes under the driven settings are dropped.
 
-    `signature` says who accepts it, when and why; its fingerprint is that of each agent's scores.
-    Raises `UsageError`, and writes nothing, where `CI` is set in `environ`; without a reason; for a run with an episode
-    that the simulator broke, with a test that came to no verdict, with routes left out once its verdicts were in, or
-    without a score; and, unless `replace_routes`, for routes that are others than the blessed ones of the same id.
+    `signature` says who accepts the run, when and why; its fingerprint is replaced by that of each agent's scores.
+    Raises `UsageError`, and writes nothing, if `CI` is set in `environ`, if the reason is empty, or if the run has an
+    episode that the simulator broke, a test without a verdict, routes left out because a verdict was reached early, or
+    no score. Unless `replace_routes` is set, also raises `UsageError` for a route whose content differs from the
+    blessed route with the same id.
     """
     _require_acceptable(run, signature, environ)
     prepared = []
@@ -74,7 +76,7 @@ def bless(
         prepared.append((told, merged.to_text()))
     folder.mkdir(parents=True, exist_ok=True)
     for blessed, text in prepared:
-        write_whole(blessed.path, text.encode("utf-8", "backslashreplace"))  # to JSON's escapes for half characters
+        write_whole(blessed.path, text.encode("utf-8", "backslashreplace"))  # lone surrogates become JSON escapes
     return tuple(blessed for blessed, _ in prepared)
 
 
@@ -135,5 +137,5 @@ def _baseline(run: Snapshot, agent: str, signature: Blessing) -> Baseline:
         if name == agent
         for route_id, score in cell.routes.items()
     }
-    prints = [route.score.fingerprint for route in routes.values()]  # a run has one for each agent
+    prints = [route.score.fingerprint for route in routes.values()]  # all equal: a run has one fingerprint per agent
     return Baseline(agent, {signature.date: replace(signature, fingerprint=prints[0])} if prints else {}, routes)

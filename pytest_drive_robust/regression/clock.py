@@ -1,4 +1,4 @@
-"""The date and the time, from one place that tests can set: call them as `clock.today()`."""
+"""The date and the time, in one place that tests can replace; call as `clock.today()` and `clock.now()`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One snapshot against another: verdicts, routes that flipped, and what the two were driven with."""
+"""Compares two snapshots: verdicts, routes that flipped, and differences in how the two runs were driven."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Comparison:
     """Judge `after` against `before`, setting by setting, on the routes that both hold.
 
-    Agents are matched by name; where each run has one agent and the names differ, these two are compared. Routes of
-    `before` that `after` lacks are a mismatch: what they would have shown is not known. A setting that it lacks is a
-    note: people select tests.
+    Agents are matched by name; if each run has one agent and the names differ, these two agents are compared. A route
+    of `before` that `after` lacks is a mismatch, because its result is unknown. A setting of `before` that `after`
+    lacks is only a note, because people select tests.
 
-    Raises `UsageError` when the two have no agent, setting and route in common.
+    Raises `UsageError` when the two runs have no agent, setting and route in common.
     """
     terms = terms or Terms()
     shared = Shared.of(before, after)
@@ -55,7 +55,7 @@ def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
 
 
 def _about_rules(cells: Sequence[CellComparison]) -> Iterable[str]:
-    """Say what few routes mean."""
+    """Yield notes on verdicts that rest on few routes."""
     judged = [finding for cell in cells for finding in cell.findings]
     lists = sorted({item.routes for item in judged if item.rule == "list" and item.changed})
     if lists:
@@ -119,7 +119,7 @@ def _numbers(scores: Sequence[RouteScore], clean_and_perturbed: Sequence[tuple[f
 def _clean_pairs(
     before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], pairs: Sequence[Pair]
 ) -> list[tuple[Pair, Pair]]:
-    """Return each pair with the clean scores of its route, where both runs have them; none for a clean setting."""
+    """Return each pair with the clean pair of its route, if both runs have one; an empty list for a clean setting."""
     old, new = cells
     sentence = _clean_sentence(new.setting)
     clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
@@ -140,7 +140,7 @@ def _finding(
     clean_pairs: Sequence[tuple[Pair, Pair]],
     quartets: Sequence[Quartet],
 ) -> Finding:
-    """Return the verdict on one allowance, by the rule for the scores that it reads."""
+    """Return the finding on one allowance, judged by the rule that fits the scores."""
     if new.broken:
         return Finding(allowance, "error", problem=_not_scored(new))
     if allowance.metric == "RD":
@@ -171,16 +171,16 @@ def _rise(
 def _clean_sentence(setting: str) -> str:
     """Return the sentence of the clean drive that `setting` is compared with.
 
-    That is `"clean"`, or a clean drive with the same warm-up; `"clean"` too for sentences with perturbations of a user.
+    The result is `"clean"`, or a clean drive with equal warm-up; for a setting with an unknown perturbation, `"clean"`.
     """
     try:
         return str(Setting.parse(setting).baseline)
-    except UsageError:  # stored runs are compared where the user's classes need not be importable
+    except UsageError:  # a stored run may hold a user's perturbation that cannot be imported here
         return str(Setting.CLEAN)
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:
-    """Return the routes that flipped, newly failing ones first, the largest loss of driving score first."""
+    """Return the routes that flipped: newly failing routes first, and the largest loss of driving score first."""
     flips = [Flip(was.succeeds, was, now) for was, now in pairs if was.succeeds != now.succeeds]
     return tuple(sorted(flips, key=lambda flip: (not flip.fails, flip.after.ds - flip.before.ds, flip.after.route_id)))
 

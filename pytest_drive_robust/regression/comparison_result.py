@@ -1,4 +1,4 @@
-"""What a comparison found: frozen facts for reports."""
+"""The result of a comparison, as frozen dataclasses for reports."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 
 @dataclass(frozen=True, slots=True)
 class Terms:
-    """How two runs are compared: what may get worse, which rule judges it, and what to do when they do not match.
+    """The terms of a comparison: the allowances, the rule that judges them, and the policy for mismatches.
 
-    `kind` is `"evidence"`, `"list"`, `"point"`, or `"auto"`: by the routes and seeds that both runs hold. `open_fails`
-    says that the new run must not pass where scores changed and it is open what that means.
+    `kind` is the rule `"evidence"`, `"list"`, `"point"`, or `"auto"`, which chooses by the routes and seeds that both
+    runs hold. With `open_fails` an inconclusive verdict on changed scores counts as a regression.
     """
 
     allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
@@ -37,7 +37,7 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Flip:
-    """A route that succeeded in one run and failed in the other. `fails` is True for a newly failing one."""
+    """A route that succeeded in one run and failed in the other. `fails` is True for a newly failing route."""
 
     fails: bool
     before: RouteScore
@@ -48,8 +48,8 @@ class Flip:
 class Finding:
     """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`.
 
-    `rule` is what judged it, by the scores of `routes`, of which those of `changed` are others than before: an RD reads
-    the clean scores, too. Empty and 0 where nothing judged it.
+    `rule` is the rule that judged the scores of `routes` routes, of which `changed` routes have other scores than
+    before; for RD the clean scores count too. `rule` is empty and the counts are 0 when nothing was judged.
     """
 
     allowance: Allowance
@@ -61,17 +61,17 @@ class Finding:
 
     @property
     def is_open(self) -> bool:
-        """True when something changed and it is open what that means."""
+        """True when scores changed and the verdict is inconclusive."""
         return self.verdict == "inconclusive" and self.changed > 0
 
 
 @dataclass(frozen=True, slots=True)
 class CellComparison:
-    """One agent under one setting in both runs. `agent` is its name in the new run, `agent_before` in the old one.
+    """One agent under one setting in both runs; `agent` is its name in the new run, `agent_before` in the old run.
 
-    `routes` are in both runs, `missing` only in the old one, `added` only in the new one; `changed` of the first have
-    another score under this setting. `quartets` are those with clean scores in both, none where some route was not
-    scored. `same_seeds` says whether both runs drove them with the same seeds.
+    `routes` counts the routes in both runs, `missing` the routes only in the old run, `added` the routes only in the
+    new run, and `changed` the common routes with another score. `quartets` holds the common routes with clean scores in
+    both runs; empty when some episode was not scored. `same_seeds` says whether both runs drove equal seeds.
     """
 
     agent: str
@@ -91,28 +91,28 @@ class CellComparison:
 
     @property
     def all_routes(self) -> int:
-        """How many routes either run holds."""
+        """The number of routes that the two runs hold together."""
         return self.routes + self.missing + self.added
 
     @property
     def verdict(self) -> str:
-        """The worst of the findings."""
+        """The worst verdict of the findings."""
         found = {finding.verdict for finding in self.findings}
         return next(verdict for verdict in _WORST_FIRST if verdict in found)
 
     @property
     def is_open(self) -> bool:
-        """True when something changed and it is open what that means."""
+        """True when scores changed and the verdict is inconclusive."""
         return self.verdict == "inconclusive" and any(finding.is_open for finding in self.findings)
 
     @property
     def regressed(self) -> bool:
-        """True when the new run must not pass for as good as the old one: it is worse, or was not scored."""
+        """True when the new run is worse than the old run, or was not scored."""
         return self.verdict in ("fail", "error")
 
     @property
     def rise(self) -> Rise | None:
-        """What RD rose by; None under a clean setting and where too little was driven."""
+        """The rise of RD; None under a clean setting and when too few routes were driven."""
         return rise_of(self.quartets)
 
 
@@ -120,8 +120,8 @@ class CellComparison:
 class Comparison:
     """How the run `after` compares with the run `before`, cell by cell.
 
-    `unscored` tells of each setting of the old run of which the new one asked for episodes and scored none. `elsewhere`
-    counts the settings that one of the runs holds and the other one lacks.
+    `unscored` has a sentence for each setting of the old run of which the new run needed episodes and scored none.
+    `elsewhere` counts the settings that cannot be compared because one run lacks the setting or its routes.
     """
 
     before: Snapshot
@@ -135,7 +135,7 @@ class Comparison:
 
     @property
     def refusals(self) -> tuple[Mismatch, ...]:
-        """The differences that forbid the comparison under its policy; when there are any, no verdict counts."""
+        """The mismatches that forbid the comparison under its policy; if there are any, no verdict counts."""
         return tuple(item for item in self.mismatches if item.refuses(self.terms.policy))
 
     @property
@@ -145,7 +145,7 @@ class Comparison:
 
     @property
     def open(self) -> tuple[CellComparison, ...]:
-        """The settings in which scores changed and it is open what that means."""
+        """The settings in which scores changed and the verdict is inconclusive."""
         return tuple(cell for cell in self.cells if cell.is_open)
 
     @property
@@ -160,12 +160,12 @@ class Comparison:
 
     @property
     def regressed(self) -> bool:
-        """True when the new run must not pass for as good as the old one, if the two can be compared."""
+        """True when the new run got worse or could not be judged; with `open_fails`, also when a setting is open."""
         return bool(self.regressions or self.unjudged or (self.terms.open_fails and self.open))
 
     @property
     def mean_rises(self) -> dict[str, Rise]:
-        """What the mean RD of all settings rose by, of each agent that has two or more of them."""
+        """The rise of the mean RD over all settings, for each agent with two or more settings."""
         quartets: dict[str, list[tuple[Quartet, ...]]] = {}
         for cell in self.cells:
             if cell.quartets:

@@ -1,4 +1,4 @@
-"""A run's JSON document: as text, read again, as a snapshot."""
+"""The JSON document of a run: writes it as text, reads it, and turns it into a snapshot."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pytest_drive_robust.store.episode_fields import result_of
 from pytest_drive_robust.verdict.explain import describe_outcome
 
 SCHEMA = 1
-"""The `schema` of the runs that are written and understood.
+"""The `schema` of the documents that this version writes and reads.
 
-It grows when a key changes its meaning or goes away, not when one is added.
+Increase `SCHEMA` when a key changes its meaning or goes away, not when a key is added.
 """
 _OBJECTS = ("settings", "versions", "fingerprint", "stored")
 _LISTS = ("summaries", "episodes", "requirements", "searches", "notes")
-"""The parts of a document. Runs that were saved before a part was told lack it, and `stored` may be null."""
+"""The parts of a document. Older runs may lack a part, and `stored` may be null."""
 _NOT_YET_TOLD: Mapping[str, Any] = {
     "speed_ratios_pct": (),
     "schedule": (),
@@ -30,16 +30,16 @@ _NOT_YET_TOLD: Mapping[str, Any] = {
     "junction_passed": False,
     "versions": {},
 }
-"""What runs lack that were saved before these were told."""
+"""Values of the episode fields that older runs lack."""
 
 
 def json_text(document: Mapping[str, object]) -> str:
-    """Return a document as the text of a file. Raises `ValueError` for a number that JSON has not."""
+    """Return a document as the text of a file. Raises `ValueError` for NaN and infinity, which JSON cannot hold."""
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """Read the document in `path`. Raises `UsageError` for what is no run of a schema that we know."""
+    """Read the document in `path`. Raises `UsageError` for a file that is no run or has another schema."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -62,7 +62,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def snapshot_of(document: Mapping[str, Any], *, label: str) -> Snapshot:
-    """Return the scores and the fingerprint of a run. Raises `UsageError` for a document that lacks what runs have."""
+    """Return the scores and the fingerprint of a run. Raises `UsageError` for a damaged document."""
     try:
         return _snapshot(document, label)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -70,12 +70,12 @@ def snapshot_of(document: Mapping[str, Any], *, label: str) -> Snapshot:
 
 
 def damaged(label: str, error: Exception) -> UsageError:
-    """Return what to say of a run in which something that runs have is missing, or is another thing."""
+    """Return the error for a run with a missing or wrong part."""
     return UsageError(f"the run {label!r} is damaged: {type(error).__name__}: {error}.")
 
 
 def routes_of_one_id(label: str, route_id: str, where: str = "") -> UsageError:
-    """Return what to say of a run with two routes of that id; `where`: under which agent and setting."""
+    """Return the error for a run with two routes of one id; `where` names the agent and the setting."""
     return UsageError(
         f"the run {label!r} holds two routes with the id {route_id!r}{where}, so they cannot be told apart. Give the "
         "routes of one file other ids, or drive the files in two runs."
@@ -83,14 +83,14 @@ def routes_of_one_id(label: str, route_id: str, where: str = "") -> UsageError:
 
 
 def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
-    """Return cells in the order of the summaries."""
+    """Return the snapshot of a document, its cells in the order of the summaries."""
     rows: dict[CellKey, list[Mapping[str, Any]]] = {}
     for row in document["summaries"]:
         rows.setdefault((row["agent"], row["setting"]), []).append(row)
     found: dict[CellKey, dict[str, list[Mapping[str, Any]]]] = {key: {} for key in rows}
     for episode in document["episodes"]:
         of_route = found.setdefault((episode["agent"], episode["setting"]), {}).setdefault(episode["route_id"], [])
-        if episode["seed"] in [item["seed"] for item in of_route]:  # as of two files: they must not be averaged
+        if episode["seed"] in [item["seed"] for item in of_route]:  # routes of two files must not be averaged
             where = f" for {episode['agent']} under {episode['setting']}"
             raise routes_of_one_id(label, episode["route_id"], where)
         of_route.append(episode)
@@ -99,7 +99,7 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     cells = {key: _cell(key, rows.get(key, []), routes, digests, prints[key[0]]) for key, routes in found.items()}
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     date, commit = str(stored.get("date") or ""), str(stored.get("commit") or "")
-    # runs that were saved before this was told do not say
+    # older runs have no `ended_early`
     return Snapshot(label, cells, date=date, commit=commit, ended_early=document.get("ended_early") is True)
 
 
@@ -110,7 +110,7 @@ def _cell(
     digests: Mapping[str, str],
     fingerprint: Fingerprint,
 ) -> Cell:
-    """Return what `rows` of the summaries and the episodes of each route tell of an agent under a setting."""
+    """Return the cell of an agent under a setting from its `rows` of the summaries and the episodes of each route."""
     scores = {
         route_id: RouteScore.of(
             route_id,
@@ -140,13 +140,13 @@ def _cell(
 
 
 def _spec_of(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the specification by which every route of `rows` is found again; empty where one of several files is."""
+    """Return the specification that finds every route of `rows`; empty if one of several names a user's file."""
     specs = dict.fromkeys(row["routes_spec"] for row in rows)
     return next(iter(specs), "") if len(specs) < 2 or all(map(ships, specs)) else ""
 
 
 def _stopped_early(row: Mapping[str, Any]) -> bool:
-    """Return whether verdicts did without some of the routes. Runs that were saved before this was told do not say."""
+    """Return whether verdicts were reached without some of the routes; False for older runs, which do not tell."""
     planned: int = row.get("routes_planned", 0) * len(row.get("seeds", ()))
     return bool(planned > row.get("episodes_needed", planned))
 
@@ -159,18 +159,18 @@ def _fingerprint(document: Mapping[str, Any], agent: str) -> Fingerprint:
         stuck_stop_s=settings.get("stuck_stop_s"),
         agent=AgentPrint(**{name: told.get(name, "") for name in ("distribution", "source", "weights")}),
         versions=merged_versions(item.get("versions", {}) for item in document["episodes"] if item["agent"] == agent),
-        plugins=tuple(settings.get("plugins", ())),  # runs that were saved before these were told lack them
+        plugins=tuple(settings.get("plugins", ())),  # older runs have no `plugins`
     )
 
 
 def _taken(item: Mapping[str, Any]) -> Taken:
-    outcome = describe_outcome(episode_of(item))  # the words that every report uses
+    outcome = describe_outcome(episode_of(item))  # the same words as in every report
     return Taken(int(item["seed"]), float(item["driving_score"]), bool(item["success"]), outcome)
 
 
 def episode_of(item: Mapping[str, Any]) -> EpisodeResult:
-    """Return the result that a document tells of: all but its trajectory, of which a document holds the digest only.
+    """Return the episode result of a document's item, without its trace, of which a document holds only the digest.
 
-    Raises `KeyError`, `TypeError` or `ValueError` for an item that lacks what episodes have.
+    Raises `KeyError`, `TypeError` or `ValueError` for an item with missing or wrong fields.
     """
     return result_of({**_NOT_YET_TOLD, **item})

@@ -1,4 +1,4 @@
-"""May two runs be compared? What they were driven with, and what differs.
+"""Fingerprints of runs, and the mismatches that decide whether two runs may be compared.
 
 =========== =============================================================== ==========
 kind        what differs                                                    by default
@@ -29,12 +29,12 @@ parse_policy: Callable[[GivenText], MismatchPolicy] = one_of(get_args(MismatchPo
 """Returns the policy that an option names."""
 
 _NOT_NUMBERS = frozenset({"pytest", "pytest-drive-robust"})
-"""Versions that are recorded but decide no score; our own simulators have versions of their own."""
+"""Packages whose recorded versions decide no score; the embedded simulators have their own versions."""
 
 
 @dataclass(frozen=True, slots=True)
 class AgentPrint:
-    """What an agent is made of; each part is empty when it is not known (see `identity`)."""
+    """The distribution and the digests of source and weights of an agent; empty when unknown (see `identity`)."""
 
     distribution: str = ""
     source: str = ""
@@ -43,10 +43,10 @@ class AgentPrint:
 
 @dataclass(frozen=True, slots=True)
 class Fingerprint:
-    """What the episodes of one agent were driven with. `simulator` is the name that was asked for.
+    """The simulator, agent and versions that drove the episodes of one agent; `simulator` is the name in the options.
 
-    `versions` are those that the records of these episodes tell: of an agent whose bits are the same everywhere that is
-    the simulator alone. `plugins` are needed to drive them again, and are no part of what they were.
+    `versions` come from the records of the episodes; an agent with equal bits everywhere records only the simulator.
+    `plugins` are needed to drive the episodes again; they are not compared.
     """
 
     simulator: str
@@ -57,28 +57,28 @@ class Fingerprint:
 
     @property
     def world(self) -> str:
-        """The simulator with its version, as its episodes tell it."""
+        """The name of the simulator, with the version that its episodes recorded."""
         version = self.versions.get("simulator") or self.versions.get(self.simulator.partition(":")[0], "")
         return f"{self.simulator} ({version})" if version else self.simulator
 
 
 @dataclass(frozen=True, slots=True)
 class Mismatch:
-    """One difference, as a sentence without a full stop; `advice` says how two runs have it not."""
+    """One difference, as a sentence without a full stop; `advice` says how to avoid the difference."""
 
     kind: Kind
     text: str
     advice: str = "Drive both runs with the same"
 
     def refuses(self, policy: MismatchPolicy) -> bool:
-        """Tell whether the comparison must not be made. A changed agent is what one compares, so it never refuses."""
+        """Return whether the comparison is forbidden. A changed agent never is: a comparison is made to judge it."""
         if self.kind == "agent" or policy == "warn":
             return False
         return policy == "refuse" or self.kind in ("simulator", "routes")
 
 
 def mismatches(before: Fingerprint, after: Fingerprint, *, agent: str) -> tuple[Mismatch, ...]:
-    """Return what differs between two fingerprints of `agent`, but for the routes. What one side lacks is not known."""
+    """Return the differences between two fingerprints of `agent`, except for routes; unknown versions are skipped."""
     return (*_simulators(before, after), *_versions(before, after), *_agents(before.agent, after.agent, agent))
 
 
@@ -89,7 +89,7 @@ def _simulators(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
 
 
 def stuck_stops(before_s: float | None, after_s: float | None) -> Iterable[Mismatch]:
-    """Yield what differs between the times after which two runs stop the episode of a stuck agent; None for never."""
+    """Yield a mismatch if two runs stop episodes of a stuck agent after different times (seconds; None: never)."""
     if before_s != after_s:
         was, now = _stop(before_s), _stop(after_s)
         yield Mismatch("simulator", f"episodes of a stuck agent were {was} and are {now}")

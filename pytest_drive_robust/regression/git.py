@@ -1,4 +1,4 @@
-"""What git knows about the folder that a run was started in; nothing is made up where it knows nothing."""
+"""Reads commit and author from git for the folder in which a run was started; empty when git does not know."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ def commit(folder: Path) -> str:
 
 
 def author(folder: Path) -> str:
-    """Return `"NAME <ADDRESS>"` out of git's configuration; what is not configured is left out."""
+    """Return `"NAME <ADDRESS>"` from git's configuration; a part that is not configured is left out."""
     name, mail = _git(folder, "config", "user.name"), _git(folder, "config", "user.email")
     return f"{name} <{mail}>".strip() if mail else name
 
 
 def _git(folder: Path, *words: str) -> str:
-    """Return what git prints; empty when it fails or is not there."""
+    """Return the output of a git command; empty when git fails or is not installed."""
     try:
         done = subprocess.run(["git", *words], cwd=folder, capture_output=True, timeout=_PATIENCE_S, check=False)
     except (OSError, subprocess.TimeoutExpired):
         return ""
-    text = done.stdout.decode("utf-8", errors="replace")  # names of files and people are the bytes that people chose
+    text = done.stdout.decode("utf-8", errors="replace")  # names of files and people may be any bytes
     return text.strip() if done.returncode == 0 else ""

@@ -1,4 +1,4 @@
-"""What a pytest run was asked about other runs: the options `--drive-save`, `--drive-compare` and those beside them."""
+"""The options of a pytest run about other runs: `--drive-save`, `--drive-compare` and their companions."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pytest_drive_robust.regression.references import AUTO, BASELINES, StoredRun
 
 
 def _save(given: GivenText) -> str:
-    """Refuse a folder: `--drive-save suites` takes the one that was meant to be collected.
+    """Return the name of the run to save. Raises `UsageError` for a name or place that could not be stored at the end.
 
-    What could not be stored at the end is refused now.
+    A folder is refused, because `--drive-save suites` swallows the folder that was meant to be collected.
     """
     if not given.text:
         return ""
@@ -36,9 +36,10 @@ def _allowances(given: GivenText) -> tuple[Allowance, ...]:
 
 
 def _compare(given: GivenText) -> str:
-    """Return a reference as it was said, a file that the ini file names by its whole path.
+    """Return the reference as given; a file that the ini file names is returned with its whole path.
 
-    A place is refused: `--drive-compare suites/` takes the folder that was meant to be collected.
+    A folder or test file is refused, because `--drive-compare suites/` swallows the folder that was meant to be
+    collected.
     """
     reference, start = given.text, start_folder(given)
     if "::" in reference or reference.endswith(".py") or (reference and (start / reference).is_dir()):
@@ -55,7 +56,7 @@ def _baselines(given: GivenText) -> Path:
 
 
 def _waivers(given: GivenText) -> Path | None:
-    """Return the file that was named, which must exist, or else the usual one where that exists."""
+    """Return the given file, which must exist, else `suites/waivers.toml` if it exists, else None."""
     if given.text:
         path = start_folder(given) / given.text
         if not path.is_file():
@@ -71,9 +72,9 @@ def _root(given: GivenText) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class RegressionOptions:
-    """`save` and `compare` are empty when not asked for; `waivers` is None where there is no such file.
+    """The options about other runs; `save` and `compare` are empty when not given, `waivers` is None without a file.
 
-    `save` is a name, or `"auto"`; `compare` is a reference as `references` reads it; `home` is the root folder of the
+    `save` is a name, or `"auto"`; `compare` is a reference that `references` reads; `home` is the root folder of the
     run.
     """
 
@@ -98,10 +99,10 @@ class RegressionOptions:
 
     @property
     def drives_all(self) -> bool:
-        """True when every route is driven, also those that a verdict can do without: a comparison needs them."""
+        """True when every route is driven, even after a verdict was reached: a comparison needs all routes."""
         return bool(self.save or self.compare)
 
     def in_words(self) -> tuple[str, ...]:
-        """Return what the header says about it."""
+        """Return the options that pytest's header shows, as `name=value`."""
         told = (("save", self.save), ("compare", self.compare))
         return tuple(f"{name}={value}" for name, value in told if value)

@@ -1,4 +1,4 @@
-"""Why a run could not be compared with an earlier one, as far as its plan tells before anything is driven."""
+"""Checks before the drive, by the plan of a run, whether the run could be compared with an earlier run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _LABEL = "this run"
 _MOST_CELLS = 3
-"""So many are named."""
+"""How many cells an error message names."""
 
 
 def check_planned_run(
@@ -32,10 +32,10 @@ def check_planned_run(
     driven_with: Callable[[str], Fingerprint],
     policy: MismatchPolicy,
 ) -> None:
-    """Raise `UsageError` where comparing with `before` would be refused, however the planned episodes end.
+    """Raise `UsageError` when a comparison with `before` would be refused, however the planned episodes end.
 
-    `whole` says that nothing else will be driven; tests may ask for more than is planned. `driven_with` tells what is
-    known of how an agent is driven; where it tells no versions, they are not known.
+    `whole` says that nothing else will be driven; otherwise tests may need more episodes than are planned.
+    `driven_with` returns the fingerprint of an agent as far as it is known; empty versions are unknown versions.
     """
     planned: dict[tuple[str, str], dict[str, str]] = {}
     for request in requests:

@@ -1,9 +1,9 @@
-"""Limits that an agent meets with the distance that a verdict from evidence needs, out of a run that drove it.
+"""Proposes limits that an agent meets, with the distance that a verdict from evidence needs, from a stored run.
 
-Evidence passes what is shown to be better than limit + margin, and so many routes tell apart what lies `told_apart`
-from each other. So a limit stands `max(told_apart - margin, 0)` beyond the value, and farther, step by step, until the
-scores that it rests on pass it: what fails seldom may not have been seen, and evidence reckons with that. A list of
-fewer routes than evidence takes is judged by its value; there the distance is one step.
+Evidence passes an agent that is shown to be better than limit + margin, and the routes of the run can tell apart values
+that differ by `told_apart`. So a limit lies `max(told_apart - margin, 0)` beyond the value, and moves farther, step by
+step, until the scores of the run pass it: evidence takes into account rare failures that were not seen. A list with too
+few routes for evidence is judged by its value; the distance is then one step.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from pytest_drive_robust.stats.resolution import told_apart
 from pytest_drive_robust.verdict.requirement import Requirement
 
 _STEP = 0.05
-"""Limits are multiples of this share of the range, on the lenient side: a finer one would pretend to know more."""
+"""The step of limits, as a share of the range; limits are rounded leniently. Finer steps would pretend to know more."""
 _FEWEST_ROUTES = 2
 
 
 @dataclass(frozen=True, slots=True)
 class ProposedLimit:
-    """A requirement that the agent meets, the value that it rests on, and how far that lies on the right side."""
+    """A requirement that the agent meets, the measured `value`, and its distance `spare` from the limit."""
 
     requirement: Requirement
     value: float
@@ -40,11 +40,11 @@ class ProposedLimit:
 def propose_limits(
     run: Snapshot, agent: str, *, perturbations: Mapping[str, type[Perturbation]], rule: VerdictRule
 ) -> tuple[ProposedLimit, ...]:
-    """Return a limit for each setting that `agent` was driven under: of DS for the clean one, of RD for the others.
+    """Return a limit for each setting of `agent`: on DS for the clean setting, on RD for the others.
 
-    Left out is what no limit could be broken by (an RD that may be 1, a DS that may be 0) and an RD whose clean driving
-    score says nothing. Raises `UsageError` where nothing is left, for an agent that is not in the run, and where the
-    run ended before its tests, some of its episodes were not scored or its verdicts did without some of the routes.
+    Leaves out limits that could not be broken (an RD of 1, a DS of 0) and an RD whose clean driving score is below the
+    floor. Raises `UsageError` when no limit is left, when `agent` is not in the run, and when the run ended early, has
+    episodes without a score, or has verdicts that were reached without some of the routes.
     """
     cells = {
         Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
@@ -65,13 +65,13 @@ def propose_limits(
 def kept_requirements(
     stated: Iterable[Mapping[str, Any]], agent: str, proposed: Sequence[ProposedLimit]
 ) -> tuple[str, ...]:
-    """Return the sentences of a run's requirements on `agent`, as its document has them, that no proposal replaces."""
+    """Return the sentences of a run's requirements on `agent` that no proposal replaces, from the run's document."""
     replaced = {(str(item.requirement.metric), str(item.requirement.setting)) for item in proposed}
     sentences = [
         str(item["requirement"])
         for item in stated
         if item["agent"] == agent
-        # a margin names a metric and a setting, too, and is no limit of them
+        # a margin requirement also has a metric and a setting, but states no limit on them: keep it
         if (item["metric"], item["setting"]) not in replaced or not item["requirement"].startswith(f"{item['metric']} ")
     ]
     return tuple(dict.fromkeys(sentences))
@@ -101,7 +101,7 @@ def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> 
 
 
 def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule) -> ProposedLimit | None:
-    """Return the strictest limit that the scores pass, or None where there is none."""
+    """Return the strictest limit that the scores pass, or None when there is no such limit."""
     clean = cells[setting.baseline].routes if setting.baseline in cells else {}
     pairs = [(score.ds, clean[route].ds) for route, score in cells[setting].routes.items() if route in clean]
     if len(pairs) < _FEWEST_ROUTES:
@@ -129,7 +129,7 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
 
 
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:
-    """Return whether the scores (this setting, clean) of all routes pass the requirement, one route after the other."""
+    """Return whether the (score, clean score) pairs of all routes pass the requirement, read route by route."""
     rule = rule.for_routes(len(pairs))
     floor = rule.clean_floor if requirement.needs_clean else 0.0
     forms = requirement.linear_forms(rule)
@@ -138,7 +138,7 @@ def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], r
 
 
 def _spare(count: int, noise: float, scale: float, rule: VerdictRule) -> float:
-    """Return how far from the value the limit stands before it is rounded, in the unit of the metric."""
+    """Return the distance between value and limit before rounding, in the unit of the metric."""
     if rule.for_routes(count).kind != "evidence":
         return scale * _STEP
     return max(told_apart(count, noise, alpha=rule.alpha, scale=scale) - scale * rule.margin, 0.0)

@@ -1,12 +1,12 @@
-"""From what people type to a snapshot: a stored run, a file, or what was blessed.
+"""Finds the snapshot of a reference, which names a stored run, a file or a baseline.
 
 ================= ==================================================================
 `before`          the stored run of that name
-`latest`          the newest stored run, by the date that it tells
+`latest`          the newest stored run, by its recorded date
 `runs/x.json`     a file written by `--drive-save`, `--drive-json` or `bless`
-`baseline`        everything that was blessed, of all agents
-`baseline:NAME`   what was blessed of one agent
-`auto`            `baseline` where something was blessed, else `latest`
+`baseline`        the baselines of all agents
+`baseline:NAME`   the baseline of one agent
+`auto`            `baseline` if there is any baseline, else `latest`
 ================= ==================================================================
 """
 
@@ -29,18 +29,18 @@ from pytest_drive_robust.store.record_files import hide_from_git
 from pytest_drive_robust.store.whole_file import write_whole
 
 AUTO = "auto"
-"""What `--drive-save` alone stands for: a name of the date, the time and the commit."""
+"""The value of `--drive-save` without a name: the run is named by date, time and commit."""
 _RESERVED = (AUTO, "latest", "baseline")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.+-]*")
 _STORED = re.compile(r'"stored": \{[^{}]*"date": "([^"]+)"')
 _END = 1024
-"""So many bytes at the end of a stored run hold its name, its date and its commit."""
+"""The number of bytes at the end of a stored run in which its name, date and commit stand."""
 
 
 def project_home(start: Path | None = None) -> Path:
-    """Return the nearest folder upwards that has stored runs or blessed baselines; the current one where none has.
+    """Return the nearest folder upwards from `start` that has a store or baselines, or `start` when none has.
 
-    `start` is another folder to look from.
+    `start` defaults to the current folder.
     """
     folder = start or Path.cwd()
     for candidate in (folder, *folder.parents):
@@ -50,14 +50,14 @@ def project_home(start: Path | None = None) -> Path:
 
 
 def project_store() -> Path:
-    """Return where the project around the current folder keeps its episodes, unless its options say otherwise."""
+    """Return the default store of the project around the current folder; run options may name another store."""
     return project_home() / DEFAULT_STORE
 
 
 def check_run_name(name: str, *, source: str) -> str:
-    """Return the name when a file can be called so and nothing else is. Raises `UsageError`, naming `source`.
+    """Return `name` if it is a valid file name and no reserved word. Raises `UsageError`, naming `source`.
 
-    A path is refused with advice: `--drive-save suites/` takes the folder that was meant to be collected.
+    A path is refused with advice, because `--drive-save suites/` swallows the folder that was meant to be collected.
     """
     if name in _RESERVED:
         raise UsageError(f"{source} is {name!r}, which is a reserved word. Choose another name.")
@@ -70,23 +70,23 @@ def check_run_name(name: str, *, source: str) -> str:
 
 
 class StoredRuns:
-    """The stored runs below `home`. Nothing is created before something is stored."""
+    """The stored runs below `home`. The first `save` creates the folder."""
 
     def __init__(self, home: Path) -> None:
         self._home = home
 
     @property
     def path(self) -> Path:
-        """Where the files are."""
+        """The folder of the stored runs."""
         return self._home / DEFAULT_STORE / "runs"
 
     def save(self, document: Mapping[str, Any], *, name: str) -> Path:
-        """Store a run under `name` (`AUTO` makes one up) with date and commit. One of that name is replaced whole.
+        """Store a run under `name`, with date and commit, and return its path. `AUTO` makes a name.
 
-        The file appears when it is complete.
+        A stored run of equal name is replaced. The file appears only when it is complete.
         """
         self.path.mkdir(parents=True, exist_ok=True)
-        hide_from_git(self._home / DEFAULT_STORE)  # baselines are what is committed
+        hide_from_git(self._home / DEFAULT_STORE)  # people commit baselines, not stored runs
         now, commit = clock.now(), git.commit(self._home)
         if name == AUTO:
             name = self._free(f"{now:%Y-%m-%d_%H-%M-%S}" + (f"_{commit}" if commit else ""))
@@ -96,11 +96,11 @@ class StoredRuns:
         return path
 
     def names(self) -> list[str]:
-        """Return every stored run, the oldest first."""
+        """Return the names of all stored runs, the oldest first."""
         return [path.stem for path in sorted(self.path.glob("*.json"), key=_age)]
 
     def find(self, name: str) -> Path:
-        """Return the file of a run; `"latest"` is the newest. Raises `UnknownNameError`."""
+        """Return the file of a stored run; `"latest"` is the newest run. Raises `UnknownNameError`."""
         names = self.names()
         if name == "latest" and names:
             name = names[-1]
@@ -110,7 +110,7 @@ class StoredRuns:
         return self.path / f"{name}.json"
 
     def _free(self, name: str) -> str:
-        """Return `name`, or with a number behind it when two runs end in the same second."""
+        """Return `name`, with a number appended if two runs end in the same second."""
         number, free = 1, name
         while (self.path / f"{free}.json").exists():
             number, free = number + 1, f"{name}_{number + 1}"
@@ -118,9 +118,10 @@ class StoredRuns:
 
 
 def _age(path: Path) -> tuple[float, int, str]:
-    """Return what sorts the file of a run behind older ones: the date that it tells, else when it was written.
+    """Return a sort key by the age of a stored run: the recorded date, or the file's time when no date is found.
 
-    Copies, and files out of an artifact, were all written just now. The date stands at the end (see `save`).
+    The file's time alone is not enough, because copies and artifact downloads are all new. The recorded date stands at
+    the end of the file (see `save`).
     """
     status = path.stat()
     try:
@@ -140,31 +141,34 @@ def names_file(reference: str, start: Path = Path()) -> bool:
 
 
 def run_file(runs: StoredRuns, reference: str) -> Path:
-    """Return the file that people mean: a path, else the stored run of that name. Raises `UnknownNameError`."""
+    """Return the file of a reference: a path, or the stored run of that name. Raises `UnknownNameError`."""
     return Path(reference) if names_file(reference) else runs.find(reference)
 
 
 def read_run_document(reference: str) -> dict[str, Any]:
-    """Read a stored run of the project around the current folder, `"latest"` or a JSON file. Raises `UsageError`."""
+    """Return the document of a stored run, of `"latest"` or of a JSON file. Raises `UsageError`.
+
+    Stored runs are those of the project around the current folder.
+    """
     return read_document(run_file(StoredRuns(project_home()), reference))
 
 
 BASELINES = Path("suites", "baselines")
-"""Where baselines are, below the home of a project."""
+"""The default folder of baselines, below the home of a project."""
 _BASELINE = "baseline"
 
 
 class References:
-    """Finds runs below `home`; `baselines` is the folder of the blessed ones."""
+    """Finds runs below `home` and baselines in the folder `baselines`."""
 
     def __init__(self, home: Path, baselines: Path | None = None) -> None:
         self.runs = StoredRuns(home)
         self.baselines = home / BASELINES if baselines is None else baselines
 
     def load(self, reference: str, *, simulator: str | None = None) -> Snapshot:
-        """Return the snapshot of a reference. `simulator` says which scores of a baseline are meant.
+        """Return the snapshot of a reference; `simulator` selects the scores of a baseline.
 
-        Raises `UsageError` for what is not there or cannot be read.
+        Raises `UsageError` for a run or baseline that is missing or cannot be read.
         """
         word, _, agent = reference.partition(":")
         if reference == AUTO:
@@ -175,18 +179,18 @@ class References:
         return self._file(path, simulator) if path == Path(reference) else self.stored(path.stem)
 
     def is_same_file(self, reference: str, other: str) -> bool:
-        """Return True where both are the file of one run, however they name it."""
+        """Return True when both references name the file of one run; False for `auto` and baselines."""
         if any(name == AUTO or name.partition(":")[0] == _BASELINE for name in (reference, other)):
             return False
         return run_file(self.runs, reference).resolve() == run_file(self.runs, other).resolve()
 
     def takes(self, reference: str, path: Path) -> bool:
-        """Return True where a reference stands for the stored run in `path`, which is there."""
+        """Return True when a reference stands for the stored run in `path`, an existing file."""
         reference = self._meant(reference)
         return reference.partition(":")[0] != _BASELINE and run_file(self.runs, reference).resolve() == path.resolve()
 
     def load_run(self, reference: str) -> Snapshot:
-        """Load as `load` does, whole runs only. Raises `UsageError` for a baseline too."""
+        """Return the snapshot of a whole run, as `load` does. Raises `UsageError` also for a baseline."""
         path = Path(reference)
         if reference == AUTO or reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
             what = "may stand for a baseline" if reference == AUTO else "is a baseline"
@@ -194,7 +198,7 @@ class References:
         return self.load(reference)
 
     def document(self, reference: str) -> dict[str, Any] | None:
-        """Return the whole document behind a reference; None where it is a baseline, or is not there any more."""
+        """Return the whole document of a reference, or None for a baseline or a run that cannot be read."""
         reference = self._meant(reference)
         if reference.partition(":")[0] == _BASELINE:
             return None
@@ -205,12 +209,12 @@ class References:
             return None
 
     def stored(self, name: str) -> Snapshot:
-        """Return the stored run of a name. Raises `UsageError`."""
+        """Return the snapshot of a stored run. Raises `UsageError` when there is none or it cannot be read."""
         path = self.runs.find(name)
         return snapshot_of(read_document(path), label=path.stem)
 
     def _meant(self, reference: str) -> str:
-        """Return what `auto` stands for; any other reference as it is."""
+        """Return `baseline` or `latest` for `auto`, and any other reference unchanged."""
         if reference != AUTO:
             return reference
         return _BASELINE if any(self.baselines.glob("*.json")) else "latest"
@@ -249,5 +253,5 @@ def _is_baseline(path: Path) -> bool:
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
-        return False  # read_document says what is wrong with it
+        return False  # `read_document` reports the problem
     return isinstance(document, dict) and "blessings" in document

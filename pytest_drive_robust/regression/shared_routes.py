@@ -1,4 +1,4 @@
-"""Which settings and routes two runs share, and what one of them lacks."""
+"""Finds the settings and routes that two runs share, and the parts that one of the runs lacks."""
 
 from __future__ import annotations
 
@@ -12,18 +12,19 @@ from pytest_drive_robust.runner.plan import planned_order
 
 Pair = tuple[RouteScore, RouteScore]
 CellPair = tuple[Cell, Cell]
-"""The same agent and setting, before and after."""
+"""The cell of one agent and setting in the old and the new run."""
 
 _MOST_ROUTES = 5
-"""So many are named."""
+"""How many routes a sentence names."""
 _CUT_OFF = "not all tests of the run came to their verdicts"
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """What two runs share: `compared` are the settings with common routes, `unscored` those of which the new run asked
-    for episodes and scored none, or which it lacks because it ended before its tests. `lacking` are sentences about
-    settings that cannot be compared, one for each.
+    """The settings that two runs share; `compared` are the settings with common routes.
+
+    `unscored` are the settings of which the new run needed episodes and scored none, or which the new run lacks because
+    it ended early. `lacking` has one sentence for each setting that cannot be compared.
     """
 
     compared: tuple[CellPair, ...]
@@ -34,7 +35,7 @@ class Shared:
 
     @classmethod
     def of(cls, before: Snapshot, after: Snapshot) -> Shared:
-        """Match agents as `renamed_agents` says."""
+        """Return the shared settings of two runs; agents are matched by name or by `renamed_agents`."""
         renamed = renamed_agents(before.agents, after.agents)
         matched = [
             (before.cells.get((renamed.get(agent, agent), setting)), new)
@@ -62,7 +63,8 @@ class Shared:
         notes = [f"{old} is compared with {new}" for new, old in renamed.items()]
         only_new = [told for old, new in compared for told in _only_in(new, old.routes)]
         notes += [f"not in {before.label}: {_first_of(only_new)}"] if only_new else []
-        whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]  # these tell themselves
+        # Broken and stopped cells of the new run are reported on their own.
+        whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]
         mismatches = (
             *cut_off(before, map(_named, only_after)),
             *incomplete(before.label, [old for old, _ in pairs]),
@@ -74,7 +76,7 @@ class Shared:
 
 
 def pairs_of(old: Cell, new: Cell) -> list[Pair]:
-    """Return the routes that both hold, in the planned order of the setting."""
+    """Return the pairs of the routes that both cells hold, in the planned order of the setting."""
     common = [route for route in new.routes if route in old.routes]
     types = [new.routes[route].scenario for route in common]
     order = planned_order(common, types, f"{new.agent} {new.setting}")
@@ -82,12 +84,12 @@ def pairs_of(old: Cell, new: Cell) -> list[Pair]:
 
 
 def renamed_agents(before: Sequence[str], after: Sequence[str]) -> Mapping[str, str]:
-    """Return what agents of the new run are called in the old one, where the names differ: each run has one agent."""
+    """Return {new name: old name} when each run has exactly one agent and the names differ, else an empty mapping."""
     return {after[0]: before[0]} if len(before) == len(after) == 1 and after[0] != before[0] else {}
 
 
 def cut_off(before: Snapshot, lacking: Iterable[str]) -> Iterable[Mismatch]:
-    """Yield a mismatch where the old run lacks what is asked for (`"AGENT under SETTING"`) as it ended before that."""
+    """Yield a mismatch when the old run ended early and lacks these settings (`"AGENT under SETTING"`)."""
     told = list(lacking) if before.ended_early else []
     if told:
         text = f"not all tests of {before.label} came to their verdicts, and it lacks {_first_of(told)}"
@@ -95,14 +97,14 @@ def cut_off(before: Snapshot, lacking: Iterable[str]) -> Iterable[Mismatch]:
 
 
 def incomplete(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
-    """Yield a mismatch where the old run lacks scores of these cells: against few of them nothing gets worse."""
+    """Yield a mismatch when the old run lacks scores of these cells: with few scores nothing would get worse."""
     told = [f"under {cell.setting}: {cell.broken[0]}" for cell in cells if cell.broken]
     if told:
         yield Mismatch("routes", f"{label} is incomplete {_first_of(told)}", "Run the command of that run again")
 
 
 def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
-    """Yield a mismatch where the verdicts of the run did without some routes of these cells."""
+    """Yield a mismatch when verdicts of the run were reached without some routes of these cells."""
     told = [f"{routes} under {cell.setting}" for cell in cells for routes in cell.stopped]
     if told:
         text = f"{label} was driven until its verdicts were in, which says nothing about two runs"
@@ -112,14 +114,14 @@ def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
 
 
 def not_driven(before: str, after: str, pairs: Iterable[tuple[Cell, Collection[str]]]) -> Iterable[Mismatch]:
-    """Yield a mismatch where the new run, which has these routes for a cell of the old one, lacks some of it."""
+    """Yield a mismatch when the new run lacks routes of the old run; `pairs` are (old cell, routes of the new run)."""
     told = [told for old, routes in pairs for told in _only_in(old, routes)]
     if told:
         yield Mismatch("routes", f"{after} lacks routes of {before}: {_first_of(told)}", "Drive these routes, too")
 
 
 def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
-    """Yield a mismatch where routes of the new run, which have these digests, are others by the same id."""
+    """Yield a mismatch when routes of the new run, given by id and digest, differ from the old routes of equal id."""
     shared = [(route, old.routes[route].digest, digest) for route, digest in digests.items() if route in old.routes]
     others = [route for route, was, now in shared if was and now and was != now]
     if others:
@@ -128,7 +130,7 @@ def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
 
 
 def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:
-    """Yield how many routes of `one` the `other` lacks, and which; nothing where it lacks none."""
+    """Yield a sentence on the routes of `one` that `other` lacks, if any: how many, and which."""
     lacking = [route for route in one.routes if route not in other]
     if lacking:
         shown = first_few(lacking, _MOST_ROUTES)

@@ -1,4 +1,4 @@
-"""What a comparison needs of a run: per-route scores of each agent and setting, and what they were driven with."""
+"""The snapshot of a run for comparisons: scores by route of each agent and setting, with their fingerprints."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ CellKey = tuple[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """One scored episode: driving score 0..100, success, and how it ended in a few words."""
+    """One scored episode: driving score 0..100, success, and in a few words how the episode ended."""
 
     seed: int
     ds: float
@@ -26,8 +26,8 @@ class Taken:
 class RouteScore:
     """One route of one agent under one setting, the seeds averaged: `ds` 0..100, `sr` 0..1.
 
-    `outcome` and `worst_seed` are those of the seed with the lowest driving score. `digest` names the content of the
-    route and is empty when it was not recorded; `fingerprint` is what it was driven with.
+    `outcome` and `worst_seed` are those of the seed with the lowest driving score. `digest` is the digest of the
+    route's content, empty when not recorded. `fingerprint` says with what the route was driven.
     """
 
     route_id: str
@@ -44,7 +44,7 @@ class RouteScore:
     def of(
         cls, route_id: str, scenario: str, taken: Sequence[Taken], *, digest: str, fingerprint: Fingerprint
     ) -> RouteScore:
-        """Return the mean over the episodes of a route, at least one."""
+        """Return the score of a route as the mean over its episodes, at least one."""
         worst = min(taken, key=lambda item: (item.ds, item.seed))
         return cls(
             route_id=route_id,
@@ -66,11 +66,11 @@ class RouteScore:
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One agent under one setting. `broken` tells of each episode that the simulator broke: it has no score.
+    """One agent under one setting; `broken` has a sentence for each episode without a score.
 
-    `routes_spec` leads to each of its routes; it is empty where nothing tells which file holds one.
-    `stopped` tells of each set of routes of which verdicts did without some: `"3 of 10 routes of dev10"`. What was
-    driven until a verdict was in says nothing about two runs.
+    `routes_spec` finds each of the cell's routes; it is empty when the file of a route is unknown. `stopped` has text
+    such as `"3 of 10 routes of dev10"` for each set of routes of which verdicts left some out. Routes that were driven
+    only until a verdict was reached cannot be compared.
     """
 
     agent: str
@@ -83,9 +83,9 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:
-    """A run, or what was blessed of several. `label` is how people call it; date and commit are empty if unknown.
+    """The scores of a run, or of baselines. `label` is its name for people; `date` and `commit` are empty if unknown.
 
-    `ended_early` is True where the run ended before all of its tests had, or some broke: settings may be missing.
+    `ended_early` is True when the run ended before all its tests, or some tests broke, so that settings may be missing.
     """
 
     label: str
@@ -96,21 +96,21 @@ class Snapshot:
 
     @property
     def made(self) -> str:
-        """When and of which commit, in a few words."""
+        """The date and the commit, joined by a comma."""
         return ", ".join(text for text in (self.date, self.commit) if text)
 
     @property
     def simulator(self) -> str | None:
-        """The name of the simulator that it was driven in; None when it holds no score."""
+        """The name of the simulator that drove the run, or None when there is no score."""
         scores = (score for cell in self.cells.values() for score in cell.routes.values())
         return next((score.fingerprint.simulator for score in scores), None)
 
     @property
     def is_complete(self) -> bool:
-        """False where an episode has no score, as the simulator broke it, and where the run ended before its tests."""
+        """False when an episode has no score or the run ended before all its tests."""
         return not (self.ended_early or any(cell.broken for cell in self.cells.values()))
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Every agent once, in the order of the run."""
+        """The names of all agents, each once, in the order of the run."""
         return tuple(dict.fromkeys(agent for agent, _ in self.cells))

@@ -1,8 +1,8 @@
-"""The verdict on one allowance from per-route scores before and after: the rules of every other gate, other arguments.
+"""Judges one allowance from the scores by route before and after, by the verdict rules of every other gate.
 
-A drop of DS or SR is read as the degradation of the new scores against the stored ones: one new episode per route, no
-clean run. A rise of RD needs the clean scores of both runs and one look at the end, because a difference of two ratios
-is no sum over routes.
+A drop of DS or SR is judged as the degradation of the new scores against the stored scores, without a clean run. A rise
+of RD needs the clean scores of both runs and one look at the end, because a difference of two ratios is no sum over
+routes.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ class Quartet:
 
     @property
     def scores(self) -> _Sums:
-        """The four of them."""
+        """The four scores: clean before, before, clean after, after."""
         return self.clean_before, self.before, self.clean_after, self.after
 
 
 @dataclass(frozen=True, slots=True)
 class Rise:
-    """RD of both runs over the same routes, and the 95 % interval of what it rose by; negative is better.
+    """RD of both runs over common routes, and the 95 % interval `low..high` of the rise; a negative rise is better.
 
-    With several `settings` all of it is of their mean.
+    With several `settings`, all numbers are of the mean RD over the settings.
     """
 
     before: float
@@ -62,10 +62,10 @@ class Rise:
 
 
 def rise_of(*settings: Sequence[Quartet]) -> Rise | None:
-    """Return how much the RD of a setting rose, or the mean RD of several, over the routes that all of them have.
+    """Return the rise of a setting's RD, or of the mean RD of several settings, over the routes that all of them have.
 
-    The interval is the jackknife's, over routes. None below two routes, and where a clean mean is 0 with or without
-    some route: then there is no RD to compare.
+    The interval is a jackknife over routes. Returns None for fewer than two routes, and when a clean mean is 0 over all
+    routes or with one route left out, because RD is then undefined.
     """
     by_route = [{quartet.route_id: quartet.scores for quartet in quartets} for quartets in settings]
     routes = [route for route in by_route[0] if all(route in scores for scores in by_route)] if by_route else []
@@ -90,7 +90,7 @@ def _less(total: _Sums, row: _Sums) -> _Sums:
 
 
 def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
-    """Return before and after, the mean over settings."""
+    """Return the mean RD over settings, before and after."""
     return (
         fmean(1.0 - before / clean for clean, before, _, _ in sums),
         fmean(1.0 - after / clean for _, _, clean, after in sums),
@@ -99,14 +99,15 @@ def _mean_rds(sums: Sequence[_Sums]) -> tuple[float, float]:
 
 _ALPHA = 0.05
 MARGIN = 0.10
-"""How far beyond the allowance a pass may still lie, as a share of the metric's range."""
+"""The margin: how far beyond the allowance a pass may lie, as a share of the metric's range."""
 
 
 def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> str:
-    """Return the rule for so many common routes: `"auto"` is evidence from 20 routes on, the list below, as in a run.
+    """Return the rule for `routes` common routes; `"auto"` is `"evidence"` from 20 routes on, else `"list"`.
 
-    Other seeds are another list: nothing about the old one follows from them, so they are evidence in any number. The
-    same seeds without one changed score are a list in any number: that nothing changed there needs no evidence.
+    A run chooses alike. Two exceptions of `"auto"`: with other seeds the rule is `"evidence"` for any number of routes,
+    because other seeds are another list; with equal seeds and no changed score the rule is `"list"`, because a missing
+    change needs no evidence.
     """
     if kind == "auto" and not same_seeds:
         return "evidence"
@@ -118,24 +119,25 @@ def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> str:
 def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: str = "evidence") -> Decision:
     """Judge whether DS or SR dropped by more than allowed. `pairs` are (before, after) of each route in planned order.
 
-    `"fail"`: it did; `"pass"`: by no more than the allowance and the margin; by evidence each wrong at most 1
-    time in 20 on routes like these. Raises `ComparisonError` when there is no pair.
+    `"fail"`: the drop is larger than the allowance; `"pass"`: the drop is not larger than the allowance plus the
+    margin. By evidence, each is wrong at most 1 time in 20 on routes like these. Raises `ComparisonError` for no pair.
     """
-    kind = "point" if kind == "list" else kind  # the whole list is known, so a part of it has no say
+    kind = "point" if kind == "list" else kind  # the whole list is known: do not stop early
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
     return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 
 
 def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str = "evidence") -> Decision:
-    """Judge whether RD rose by more than allowed. By evidence that is inconclusive below 20 routes.
+    """Judge whether RD rose by more than allowed. By evidence, fewer than 20 routes are inconclusive.
 
-    Where a clean driving score is below the floor of a verdict (`VerdictRule.clean_floor`) its RD says nothing: then
-    this never passes, and a fail stays a fail unless a clean score is 0.
+    If a mean clean driving score is below the floor (`VerdictRule.clean_floor`), RD shows nothing: a pass becomes
+    inconclusive, and a fail stays a fail unless a mean clean score is 0.
 
-    One value per route whose mean is how far the rise stays within the allowance (the influence of the route on both
-    ratios), then the last look of the gate: Hall's t test, with one pessimistic pseudo route on the pass side, and on
-    the fail side with the chance that no route was drawn of those that scored nothing before and everything now, their
-    clean scores being as usual. That a route's clean score went the other way at the same time is not reckoned with.
+    Evidence computes one value per route (the influence of the route on both ratios), whose mean is the distance of the
+    rise from the allowance. The last look of the gate judges these values by Hall's t test, with one pessimistic pseudo
+    route on the pass side. The fail side also counts the chance that a kind of routes was never drawn: routes with a
+    score of 0 before, full scores now and usual clean scores. An opposite change of a route's clean score at the same
+    time is not considered.
     """
     decision = _decide_rise(routes, allowance, kind=kind)
     floor = VerdictRule().clean_floor
@@ -170,7 +172,7 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) 
 
 def _forms(allowance: Allowance) -> LinearForms:
     if allowance.relative:
-        # a run that scored nothing is one to compare with: it says that nothing can have dropped
+        # not `relative`, so that an old run with scores of 0 can be judged: nothing can have dropped
         return replace(degradation_forms(allowance.amount, MARGIN, top_score=allowance.top), relative=False)
     top = allowance.top
     return mean_forms(-allowance.amount, ">=", margin=MARGIN * top, low=-top, high=top)

@@ -1,4 +1,4 @@
-"""Requirements that are allowed to fail until a date, in a file that people review.
+"""Waivers: requirements that may fail until a date, in a TOML file that people review.
 
 ::
 
@@ -9,11 +9,11 @@
     reason = "the new planner lands in week 50"
     expires = 2026-12-15                              # the last day on which it holds
 
-The sentence is that of the summary: with ``(reading=released)`` where failures are read so. The id of the test case
-holds in both readings. How a number or a failure is written does not matter: ``<= 0.3`` and ``500ms latency`` say the
-same.
+The sentence is the sentence of the summary, with ``(reading=released)`` where failures are read in that way. The id of
+the test case matches in both readings. The spelling of a number or a failure does not matter: ``<= 0.3`` and
+``500ms latency`` match too.
 
-TOML, because a waiver is written and read by people and wants comments.
+The file is TOML, because people write and read waivers and want comments.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ else:
 
 
 _GROUP = re.compile(r"(?<=[\])\w])@[^]/:@]*\Z")
-"""What `--dist loadgroup` of pytest-xdist adds to the id of a test: `test_suite.py::test_it[case]@group`."""
+"""The suffix that `--dist loadgroup` of pytest-xdist adds to a test id: `test_suite.py::test_it[case]@group`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Waiver:
-    """One requirement, or a pattern of several, that `owner` answers for until the end of the day `expires`."""
+    """A requirement, or a pattern of requirements, that may fail until the end of `expires`; `owner` answers for it."""
 
     requirement: str
     owner: str
@@ -61,7 +61,7 @@ class Waiver:
 
     @property
     def signature(self) -> str:
-        """`"waived by planning team until 2026-12-15: the new planner lands in week 50"`."""
+        """The waiver in words: `"waived by planning team until 2026-12-15: the new planner lands in week 50"`."""
         return f"waived by {self.owner} until {self.expires}: {self.reason}"
 
     @property
@@ -70,7 +70,7 @@ class Waiver:
         return clock.today() <= self.expires
 
     def covers(self, sentence: str, nodeid: str, *, agent: str) -> bool:
-        """Return True for the requirement of that sentence in that test, when `agent` is meant too."""
+        """Return True when the waiver matches the agent and the requirement's sentence, test case or test id."""
         test = _GROUP.sub("", nodeid)
         case = test[test.index("[") + 1 :].removesuffix("]") if "[" in test else test
         return _matches(self.agent, agent) and any(
@@ -86,19 +86,19 @@ class Waivers:
 
     @classmethod
     def of(cls, path: Path | None) -> Waivers:
-        """Read those of a file, or none. Raises `UsageError` for what is wrong in the file."""
+        """Return the waivers of a file, none for None. Raises `UsageError` for errors in the file."""
         return cls(() if path is None else read_waivers(path))
 
     def find(self, sentence: str, nodeid: str, *, agent: str) -> Waiver | None:
-        """Return the waiver of a requirement; of several the one that holds longest."""
+        """Return the waiver of a requirement, or None; if several match, the waiver that expires last."""
         found = [waiver for waiver in self._waivers if waiver.covers(sentence, nodeid, agent=agent)]
         return max(found, key=lambda waiver: waiver.expires, default=None)
 
     def review(self, judged: Sequence[Judged], *, whole: bool, open_fails: bool = False) -> list[str]:
-        """Return what people should know at the end: a line for each waiver, in the order of the file.
+        """Return the lines to report at the end of a run, at most one for each waiver, in the order of the file.
 
-        `whole` says that every test was selected and ran: only then a waiver that matches nothing is a mistake.
-        `open_fails` says that an inconclusive verdict fails its test.
+        `whole` says that every test was selected and ran; only then is a waiver without a match a mistake. `open_fails`
+        says that an inconclusive verdict fails its test.
         """
         lines = (self._line(waiver, judged, whole=whole, open_fails=open_fails) for waiver in self._waivers)
         return [line for line in lines if line]
@@ -122,7 +122,7 @@ class Waivers:
 
 
 def _matching_nothing(waiver: Waiver, judged: Sequence[Judged]) -> str:
-    """Return a warning that names what comes nearest; empty for a waiver of an agent that was not driven."""
+    """Return a warning with the nearest requirement or agent; empty for a known agent that was not driven."""
     meant = [item.requirement for item in judged if _matches(waiver.agent, item.agent)]
     if meant:
         close = nearest(waiver.requirement, meant)
@@ -136,9 +136,9 @@ def _matching_nothing(waiver: Waiver, judged: Sequence[Judged]) -> str:
 
 
 def read_waivers(path: Path) -> tuple[Waiver, ...]:
-    """Read the waivers of a file. Raises `UsageError` that names the file and the waiver for what is wrong in it."""
+    """Read the waivers of a file. Raises `UsageError`, naming the file and the waiver, for an error in the file."""
     try:
-        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a mark first
+        document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UsageError(f"the waivers {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:
@@ -167,7 +167,7 @@ def _waiver(given: Mapping[str, Any], where: str) -> Waiver:
 
 
 def _as_judged(requirement: str) -> str:
-    """Return a sentence as it is shown when it is judged; an id or a pattern as it is."""
+    """Return a sentence in the form that verdicts show, and a test id or a pattern unchanged."""
     try:
         (stated,) = requirements(requirement)
     except (UsageError, ValueError):  # no sentence, or several lines
@@ -185,5 +185,5 @@ def _date(given: object, where: str) -> date:
 
 
 def _matches(pattern: str, text: str) -> bool:
-    """Match a pattern, or equal texts: they may hold brackets, which mean something in a pattern."""
+    """Return whether `text` equals or matches `pattern`; equality first, as brackets are special in a pattern."""
     return pattern == text or fnmatchcase(text, pattern)

@@ -1,4 +1,4 @@
-"""Two runs side by side, in at most 100 columns: the table, the routes that flipped, and what is to be concluded."""
+"""The comparison of two runs as text of at most 100 columns: the table, the routes that flipped, the conclusion."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ _MOST_FAILING, _MOST_PASSING, _MOST_NOTES = 5, 3, 10
 
 
 def comparison_text(comparison: Comparison, *, colour: bool, width: int = WIDTH) -> str:
-    """Tell everything about a comparison, of one that is refused only why.
+    """Return the text of a comparison; for a refused comparison only the reasons.
 
-    `colour` adds terminal escapes; `width` is how many columns there are.
+    `colour` adds terminal escapes; `width` is the number of columns.
     """
     page = Page(colour=colour, width=width)
     for line in _fingerprint_lines(comparison):
@@ -38,7 +38,7 @@ def comparison_text(comparison: Comparison, *, colour: bool, width: int = WIDTH)
 
 
 def conclusion(comparison: Comparison) -> str:
-    """Say in one line what the exit code says, with the reason."""
+    """Return one line with the result that the exit code stands for, and the reason."""
     label = comparison.before.label
     if comparison.refusals:
         return (
@@ -68,7 +68,7 @@ def conclusion(comparison: Comparison) -> str:
 
 
 def _part(comparison: Comparison) -> str:
-    """Return `"on 5 of 30 routes in 2 of 3 settings"`; empty where all was compared that either run holds."""
+    """Return the compared part, as in `"on 5 of 30 routes in 2 of 3 settings"`; empty if all routes were compared."""
     cells = comparison.cells
     settings = counted(len(cells) + comparison.elsewhere, "setting")
     if comparison.elsewhere:
@@ -106,7 +106,7 @@ def _row(cell: CellComparison) -> tuple[str, ...]:
 
 
 def _stories(comparison: Comparison) -> Iterator[str]:
-    """Yield what is behind each verdict that is not a pass, and behind each flip."""
+    """Yield the lines that explain each verdict other than a pass, and each flip."""
     for cell in comparison.cells:
         broken = [item for item in cell.findings if item.verdict in ("fail", "error") or item.is_open]
         if not broken and not cell.flips:
@@ -156,7 +156,7 @@ def _flips(cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterato
         yield f"  {word}: {flip.after.route_id} {flip.after.scenario}"
         yield _story("was", flip.before)
         yield _story("is", flip.after)
-        if flip.fails and cell.routes_spec:  # else nothing tells which file holds the route
+        if flip.fails and cell.routes_spec:  # without a specification, the file of the route is unknown
             yield from _replay(cell, flip.after)
     if len(flips) > most:
         rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])

@@ -1,4 +1,4 @@
-"""The episodes of a run for spreadsheets and data frames: one line each, in columns that never change their order."""
+"""The episodes of a run as CSV for spreadsheets and data frames: one line per episode, columns in a fixed order."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ COLUMNS = (
     "trace_digest",
     "key",
 )
-"""New columns are added at the end. `infractions` and `touched` hold names with a space between them."""
+"""The columns; add new ones at the end. `infractions` and `touched` hold names separated by spaces."""
 
 
 def write_csv(path: Path, run: RunResult) -> None:
-    """Write the episodes so that `path` is either untouched or whole."""
+    """Write the episodes to `path`, which is either untouched or whole."""
     write_whole(path, csv_text(run))
 
 
 def csv_text(run: RunResult) -> str:
-    """Return a header and one line for each episode, in the order of the run; empty where there is no number."""
+    """Return a header and one line for each episode, in the order of the run; a missing number is an empty cell."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(COLUMNS)
@@ -52,7 +52,7 @@ def csv_text(run: RunResult) -> str:
 
 
 def episode_fields(result: EpisodeResult) -> dict[str, object]:
-    """Return every column of an episode but its key; None where there is no number."""
+    """Return the columns of an episode except `key`, by name; None for a missing number."""
     facts = episode_as_json("", result)
     success = facts["success"]
     events = sorted(result.infractions, key=lambda event: event.tick)

@@ -1,4 +1,4 @@
-"""Why a requirement does not hold, in at most 100 columns."""
+"""The message of a requirement that does not hold, in at most 100 columns."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def failure_text(verdict: Verdict, options: RunOptions, *, routes_spec: str, pri
         lines.append(f"  the agent {verdict.agent} is privileged: it sees ground truth")
     if verdict.worst and not options.is_external:
         command = replay_command(worst_episode(verdict), options, routes_spec=routes_spec)
-        lines.append(f"  replay:  {command}")  # never shortened: it is there to be copied
+        lines.append(f"  replay:  {command}")  # not shortened, because people copy the command
     return "\n".join(lines)
 
 
 def worst_episode(verdict: Verdict) -> Episode:
-    """Return the first of the worst routes of a verdict, which must have one, as the episode under the failure."""
+    """Return the episode under the failure on the worst route of a verdict, which must have a worst route."""
     worst = verdict.worst[0]
     return Episode(verdict.agent, worst.route_id, str(verdict.requirement.setting), worst.seed)
 
 
 def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -> str:
-    """Return the command line that drives one episode again, without the options that say what the defaults say."""
+    """Return the command line that drives one episode again, without options that equal their defaults."""
     words = ["drive-robust", *(word for plugin in options.plugins for word in ("-p", plugin))]
     words += ["replay", episode.route_id, "--agent", episode.agent, "--setting", episode.setting]
     words += ["--seed", str(episode.seed)]
@@ -48,7 +48,7 @@ def replay_command(episode: Episode, options: RunOptions, *, routes_spec: str) -
 
 
 def _headline(verdict: Verdict) -> list[str]:
-    """Return value, limit, interval, numbers of routes and seeds; on two lines where one is too narrow."""
+    """Return value, limit, interval and numbers of routes and seeds, on two lines if one line is too long."""
     requirement = verdict.requirement
     metric = requirement.metric.name
     what = f"{metric} under {requirement.setting}"
@@ -63,13 +63,13 @@ def _headline(verdict: Verdict) -> list[str]:
     line = f"{what}{value}   ({interval}, {counts})"
     if len(line) <= WIDTH:
         return [line]
-    return [cut(what, WIDTH - len(value)) + value, f"  ({interval}, {counts})"]  # of a long stack no number is cut
+    return [cut(what, WIDTH - len(value)) + value, f"  ({interval}, {counts})"]  # cut a long stack, but no number
 
 
 def _promise(verdict: Verdict) -> list[str]:
-    """Return what the verdict says and how often it may be wrong; nothing for a plain comparison."""
+    """Return what the verdict shows and how often it may be wrong; an empty list for a plain comparison."""
     requirement, kind = verdict.requirement, verdict.verdict_rule.kind
-    if verdict.reason and verdict.decision == "inconclusive":  # it leaves a pass open; a fail stays a fail
+    if verdict.reason and verdict.decision == "inconclusive":  # a reason turns a pass, but no fail, into inconclusive
         return [f"  open: {verdict.reason}"]
     if kind == "list" and verdict.routes < verdict.planned:
         return [f"  decided for these {verdict.planned} routes and seeds before all were driven"]
@@ -95,7 +95,7 @@ def _promise(verdict: Verdict) -> list[str]:
 
 
 def _summaries(verdict: Verdict) -> list[str]:
-    """Return driving score and success rate, side by side with the clean ones where those were driven."""
+    """Return driving score and success rate, beside the clean values if clean episodes were driven."""
     under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
     columns: list[tuple[str, Summary]] = [(under, verdict.perturbed)]
     if verdict.clean is not None and under != "clean":
@@ -112,7 +112,7 @@ def _summaries(verdict: Verdict) -> list[str]:
 
 
 def _worst(verdict: Verdict) -> list[str]:
-    """Return each of the worst routes with its story, or both stories and the second at which they parted."""
+    """Return each worst route with its outcome, or with both outcomes and the second at which the twins diverged."""
     lines = ["  worst routes"] if verdict.worst else []
     under = "clean" if verdict.requirement.setting.is_clean else "perturbed"
     compared = verdict.clean is not None and under != "clean"
@@ -140,7 +140,7 @@ def _story(under: str, score: float | None, outcome: str, value: str) -> str:
 
 
 def _quoted(word: str) -> str:
-    """Add double quotes where the shell needs any: they mean the same in every shell that people use."""
+    """Return a word quoted if a shell needs it; double quotes if possible, which all common shells read alike."""
     if re.fullmatch(r"[\w@%+=:,./-]+", word):
         return word
     return shlex.quote(word) if re.search(r"[\"$`\\!]", word) else f'"{word}"'

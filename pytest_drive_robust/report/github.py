@@ -1,4 +1,4 @@
-"""The run as Markdown: what a pull request shows, as a step summary and as a comment, without opening a log."""
+"""The run as Markdown, for the step summary and the comment of a pull request."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
 
 VARIABLE = "GITHUB_STEP_SUMMARY"
-"""Where GitHub Actions says which file to append to."""
+"""The environment variable in which GitHub Actions names the file to append to."""
 
 _LOUD = ("fail", "error")
 _MOST_FLIPS = 10
@@ -24,7 +24,7 @@ _VERDICT_HEADS = ("requirement", "agent", "value", "interval", "routes", "verdic
 
 
 def append_step_summary(run: RunResult, environ: Mapping[str, str], comparison: Comparison | None = None) -> None:
-    """Append the summary to the file that the environment names; without one nothing happens. Raises `OSError`."""
+    """Append the summary to the file that `environ` names; without such a file do nothing. Raises `OSError`."""
     path = environ.get(VARIABLE, "")
     if not path:
         return
@@ -35,7 +35,7 @@ def append_step_summary(run: RunResult, environ: Mapping[str, str], comparison: 
 
 
 def step_summary(run: RunResult, comparison: Comparison | None = None) -> str:
-    """Return the verdicts, what changed, the table of settings, the footnotes. Empty when nothing was asked for."""
+    """Return verdicts, changes, the table of settings and footnotes as Markdown; empty without rows and verdicts."""
     if not run.rows and not run.judged:
         return ""
     parts = [f"## drive-robust: {_headline(run)}"]
@@ -87,7 +87,7 @@ def _verdict(judged: Judged) -> tuple[str, ...]:
 
 
 def _compared(comparison: Comparison) -> list[str]:
-    """Return what came of comparing, the settings in which a score changed, before and after, and what broke."""
+    """Return the conclusion, the settings with a changed score, before and after, and the newly failing routes."""
     parts = [f"### {_cell(conclusion(comparison))}"]
     cells = [] if comparison.refusals else [cell for cell in comparison.cells if cell.changed or cell.regressed]
     if cells:
@@ -117,7 +117,7 @@ def _table(heads: tuple[str, ...], rows: Iterable[Iterable[str]]) -> str:
 
 
 def _cell(text: str) -> str:
-    """Return the text as one line, in which nothing ends a cell, begins a tag, calls a user or is markup."""
+    """Return the text as one line, escaped so that it cannot end a cell, begin a tag, mention a user or be markup."""
     text = " ".join(text.split())
     for sign, written in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), ("@", "&#64;")):
         text = text.replace(sign, written)

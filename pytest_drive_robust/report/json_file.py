@@ -1,4 +1,4 @@
-"""The run as JSON: `schema` 1, numbers as they are, and null where there is none."""
+"""The run as JSON, `schema` 1: numbers are not rounded, and a missing number is null."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "signs_between", "
 
 
 def write_json(path: Path, run: RunResult, comparison: Comparison | None = None) -> None:
-    """Write the run, and what comparing it found, so that `path` is either untouched or whole."""
+    """Write the run and its comparison to `path`, which is either untouched or whole."""
     document = run_as_json(run)
     if comparison is not None:
         document["comparison"] = comparison_as_json(comparison)
@@ -46,7 +46,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
 
 
 def comparison_as_json(comparison: Comparison) -> dict[str, object]:
-    """Return what comparing two runs found, as plain JSON types; of one that is refused no verdicts, but why."""
+    """Return a comparison as plain JSON types; for a refused comparison the reasons instead of the verdicts."""
     terms, refused = comparison.terms, [item.text for item in comparison.refusals]
     document = {
         "label": comparison.before.label,
@@ -78,7 +78,7 @@ def _compared(cell: CellComparison) -> dict[str, object]:
 
 
 def _fingerprint(run: RunResult) -> dict[str, object]:
-    """Return what the agents and the routes were made of: two runs with the same values drove the same thing."""
+    """Return the digests of agents and routes; two runs with equal digests drove equal agents on equal routes."""
     return {
         "agents": {
             item.agent: {"distribution": item.distribution, "source": item.source, "weights": item.weights}
@@ -113,12 +113,12 @@ def _row(row: SettingRow) -> dict[str, object]:
 
 
 def episode_as_json(key: str, result: EpisodeResult) -> dict[str, object]:
-    """Return the record of an episode; of its trajectory only the digest. None where there is no number."""
+    """Return the fields and scores of an episode, with the digest in place of the trace; None for a missing number."""
     score, success = _score(result)
     told = fields_of(result)
     if score is None:
-        told["route_completion_pct"] = None  # the simulation broke: nobody knows
-    del told["inference_s"]  # the wall times of every call: a record of the store has them
+        told["route_completion_pct"] = None  # unknown, because the simulation broke
+    del told["inference_s"]  # long; the record in the store holds the time of every call
     return {"key": key, **told, "driving_score": score, "success": success, "game_s": result.game_s}
 
 
@@ -130,7 +130,7 @@ def _score(result: EpisodeResult) -> tuple[float | None, bool | None]:
 
 
 def _finite(value: object) -> object:
-    """Return plain types: None for NaN and infinity, which JSON has not, Python numbers for numpy scalars."""
+    """Return plain types: None for NaN and infinity, which JSON cannot hold, Python numbers for numpy scalars."""
     if isinstance(value, Mapping):
         return {str(key): _finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):

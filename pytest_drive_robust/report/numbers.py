@@ -1,4 +1,4 @@
-"""How numbers are written for people: the same in every report."""
+"""Formats numbers for people, equally in every report."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) n
 _SHARES = ("RD", "SR")
 _SHORT_S = 15.0
 _ROUNDING = 1e-9
-"""Less than that is rounding to every rule."""
+"""The difference up to which two numbers count as equal, as in every verdict rule."""
 _MOST_DECIMALS = 9
 
 
 def shown(metric: str, value: float | None) -> str:
-    """Write shares (RD, SR) and scores with two digits after the point, `"-"` where there is no number."""
+    """Return a value with two digits after the point, or `"-"` when there is no number."""
     if value is None or not math.isfinite(value):
         return "-"
     text = f"{value:.2f}"
@@ -23,7 +23,7 @@ def shown(metric: str, value: float | None) -> str:
 
 
 def beside(value: float, limit: float, *, decimals: int = 2, sign: str = "") -> str:
-    """Write a number with so many decimals that it lies on the same side of `limit` as the value: `decimals` or more.
+    """Return `value` with `decimals` digits or more, so that the text lies on the same side of `limit` as `value`.
 
     >>> beside(0.3003, 0.30), beside(0.64, 0.30), beside(0.30, 0.30)
     ('0.3003', '0.64', '0.30')
@@ -35,42 +35,42 @@ def beside(value: float, limit: float, *, decimals: int = 2, sign: str = "") -> 
 
 
 def shown_beside(metric: str, value: float | None, limit: float) -> str:
-    """Write as `shown` does where a limit stands beside it: with as many more decimals as tell the two apart."""
+    """Return a value as `shown` does, with more decimals if needed to tell the value from `limit` (see `beside`)."""
     text = "-" if value is None or not math.isfinite(value) else beside(value, limit)
     return shown(metric, value) if text == "-0.00" else text
 
 
 def _side(value: float, limit: float) -> int:
-    """Return -1 below the limit, 1 above it and 0 where only rounding tells them apart."""
+    """Return -1 below the limit, 1 above the limit, and 0 when both differ only by rounding."""
     if math.isclose(value, limit, rel_tol=_ROUNDING, abs_tol=_ROUNDING):
         return 0
     return 1 if value > limit else -1
 
 
 def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
-    """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when an end is infinite: too few routes."""
+    """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when too few routes make an end infinite."""
     return f"{100.0 * confidence:.3g} % interval {ends_text(metric, low, high)}"
 
 
 def ends_text(metric: str, low: float, high: float) -> str:
-    """Return `"0.33 to 0.53"`; `"unknown"` when an end is infinite: too few routes."""
+    """Return `"0.33 to 0.53"`; `"unknown"` when too few routes make an end infinite."""
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
     return f"{lower_end(metric, low)} to {shown(metric, high)}"
 
 
 def lower_end(metric: str, low: float) -> str:
-    """Return the lower end of an interval; `"< -1"` where few routes leave open what RD could be."""
+    """Return the lower end of an interval; `"< -1"` for an RD below -1, which few routes may leave open."""
     return "< -1" if metric == "RD" and low < -1.0 else shown(metric, low)
 
 
 def counted(number: int, noun: str) -> str:
-    """Return `"1 route"`, `"2 routes"`."""
+    """Return number and noun, as in `"1 route"` or `"2 routes"`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
 def duration_text(seconds: float) -> str:
-    """Return `"0 s"`, `"12 s"`, `"90 s"`, `"2.5 min"`, `"30 min"`, `"1.5 h"`."""
+    """Return a duration as text, such as `"0 s"`, `"12 s"`, `"90 s"`, `"2.5 min"`, `"30 min"`, `"1.5 h"`."""
     if seconds < 100:
         return f"{max(1, round(seconds)) if seconds > 0 else 0} s"
     if seconds < 570:
@@ -79,15 +79,15 @@ def duration_text(seconds: float) -> str:
 
 
 def left_text(seconds: float) -> str:
-    """Return `"about 2.5 min"`, or `"less than 30 s"` where one verdict more or less decides: no guess is better."""
+    """Return `"about 2.5 min"`; `"less than 30 s"` below 15 s, where a single verdict changes the estimate too much."""
     return f"less than {2 * _SHORT_S:.0f} s" if seconds < _SHORT_S else f"about {duration_text(seconds)}"
 
 
 def legible(text: str, *, controls: bool = False) -> str:
-    """Return `text` as every terminal, file and channel takes it.
+    """Return `text` in a form that every terminal, file and channel accepts.
 
-    Half characters (lone surrogates), which names of routes and words of agents may hold, are spelled out, and so are
-    control characters but tab and line feed unless they are meant (`controls`).
+    Lone surrogates, which names of routes and texts of agents may hold, are spelled out. Control characters except tab
+    and line feed are also spelled out, unless `controls` keeps them.
     """
     plain = text.encode("utf-8", "backslashreplace").decode("utf-8")
     return plain if controls else plain.translate(_CONTROLS)

@@ -26,7 +26,7 @@ def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
 
 
 def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:
-    """Return the totals with the numbers of their footnotes, the statuses, what is missing, and the footnotes."""
+    """Return the totals with their footnote numbers, the statuses, the missing routes, and the footnotes."""
     records = f"{counted(score.records, 'record')} of {counted(score.routes, 'route')}"
     lines = [f"{shown(source, quotes=False)}: {records}, {score.mode} metrics", ""]
     for name, value, unit in (
@@ -69,6 +69,6 @@ def _gaps(score: OfficialTotals) -> list[str]:
 
 
 def _marks(names: tuple[str, ...], notes: tuple[str, ...]) -> str:
-    """Return the numbers of the footnotes that are about a line: `"[1][4]"`."""
+    """Return the numbers of the footnotes on a line, such as `"[1][4]"`."""
     about = [set(note.partition(":")[0].split(", ")) for note in notes]
     return "".join(f"[{number}]" for number, topics in enumerate(about, start=1) if topics & {*names, "all"})

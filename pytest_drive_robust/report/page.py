@@ -1,4 +1,4 @@
-"""Tables and lines as one text of at most `WIDTH` columns, fewer where a terminal has fewer."""
+"""Lays out tables and lines as one text of at most `WIDTH` columns, fewer on a narrow terminal."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "b
 
 
 class Page:
-    """What is printed on it, as text. `colour` adds terminal escapes; no page is wider than `WIDTH`."""
+    """Collects printed lines and tables as text. `colour` adds terminal escapes; lines wrap at `WIDTH` or earlier."""
 
     def __init__(self, *, colour: bool, width: int = WIDTH) -> None:
         from rich.console import Console
@@ -36,7 +36,7 @@ class Page:
         )
 
     def print(self, line: str, *, wraps: bool = True) -> None:
-        """Add a line; with `wraps=False` it stays one, however long: it is there to be copied."""
+        """Add a line; with `wraps=False` the line is never wrapped, so that people can copy it."""
         self._console.print(line, soft_wrap=not wraps)
 
     def table(
@@ -48,11 +48,11 @@ class Page:
         setting_width: int | None = None,
         verdicts: bool = True,
     ) -> None:
-        """Add a table of agents and settings with columns of `numbers` and perhaps of verdicts, which have colours.
+        """Add a table of agents and settings with columns of `numbers` and, with `verdicts`, a coloured verdict column.
 
-        Long names of agents and settings are folded. Where the table would be too wide still, brackets behind numbers
-        go to a line of their own, then settings are folded more; where that is not enough, it is wider than a page: no
-        number is cut. It is ruled where colours are shown.
+        Long names of agents and settings are folded. If the table is still too wide, brackets behind numbers go to a
+        line of their own, then settings are folded more. If that is not enough, the table is wider than the page,
+        because no number is cut. The table has rules when colours are shown.
         """
         cells = [tuple(row) for row in rows]
         below = [_brackets_below(row) for row in cells]
@@ -61,7 +61,7 @@ class Page:
             least = self._width_of(narrow)
             if least <= self._width:
                 break
-        # what is left is the setting's: rich would take it from agents, too, and then cut the last column
+        # The setting column gets the width left over: rich would also shrink agents and then cut the last column.
         widest = narrowest + max(self._width - least, 0)
         widest = widest if setting_width is None else min(widest, setting_width)
         self._console.width = max(self._width, least)
@@ -104,7 +104,7 @@ class Page:
 
     @property
     def text(self) -> str:
-        """Return what was printed so far, without blanks at the ends of lines."""
+        """The text printed so far, without blanks at the ends of lines."""
         return "\n".join(line.rstrip() for line in self._stream.getvalue().splitlines())
 
 
@@ -114,10 +114,10 @@ def _brackets_below(row: Sequence[str]) -> tuple[str, ...]:
 
 
 def columns_of_screen(*, is_terminal: bool) -> int:
-    """Return how wide a text may be: as wide as the terminal, or as a page where the text goes into a file."""
+    """Return the columns for a text: the width of the terminal, or `WIDTH` if the text goes into a file."""
     return shutil.get_terminal_size((WIDTH, 24)).columns if is_terminal else WIDTH
 
 
 def cut(text: str, width: int = WIDTH) -> str:
-    """Return at most the first `width` characters, with dots where some are left out."""
+    """Return `text`, cut to `width` characters with three dots at the end if it is longer."""
     return text if len(text) <= width else text[: width - 3] + "..."

@@ -1,4 +1,4 @@
-"""What `--drive-plan` shows: which episodes the selected tests have, which are stored, how long the rest takes."""
+"""The table of `--drive-plan`: all episodes of the selected tests, the stored episodes, and the time for the rest."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def plan_text(
     colour: bool,
     width: int = WIDTH,
 ) -> str:
-    """Tell for each agent and setting what is left, and how long that takes when `slots` episodes are driven at a time.
+    """Return a table of the episodes left for each agent and setting, and the time to drive them, `slots` at a time.
 
-    `likely` are the keys of the episodes that the verdicts probably take, `possible` those that they take at most:
-    some verdicts may come early, some are in. The time rests on the stored episodes of the same agent; of one without
-    any it is not known, as agents differ by a factor of a hundred. An episode holds its slot `together(agent)` times
-    its own seconds.
+    `likely` are the keys of the episodes that the verdicts probably read, `possible` the keys that the verdicts may
+    read at most: some verdicts may come early, some are reached already. The time is estimated from stored episodes of
+    the same agent; for an agent without stored episodes the time is unknown, because agents differ by a factor of a
+    hundred. An episode holds its slot `together(agent)` times its own seconds.
     """
     asked: Counter[tuple[str, str]] = Counter()
     stored: Counter[tuple[str, str]] = Counter()

@@ -1,4 +1,4 @@
-"""Small plots as SVG, for what shows pictures beside a failed test."""
+"""Small plots as SVG, for reports that show pictures beside a failed test."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Points = Sequence[tuple[float, float]]
 
 
 def scores_svg(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> str:
-    """Return the driving score of each episode under a failure over that of its clean twin."""
+    """Return an SVG plot of each episode's driving score under a failure over the score of its clean twin."""
     twins = {route_and_seed(result): driving_score(result) for result in clean}
     pairs = [
         (twins[route_and_seed(result)], driving_score(result), result.episode.route_id)
@@ -36,7 +36,7 @@ def scores_svg(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult
 
 
 def speeds_svg(clean: EpisodeResult, perturbed: EpisodeResult) -> str:
-    """Return the speed of both egos over time, with a line where each infraction of the perturbed one was."""
+    """Return an SVG plot of the speed of both egos over time, with a line at each infraction of the perturbed ego."""
     curves = []
     for result in (clean, perturbed):
         speeds = result.trace.column("speed_mps").tolist()
@@ -67,7 +67,7 @@ def _chart(title: str, marks: Iterable[str], most: tuple[float, float]) -> str:
 
 
 def _text(words: str) -> str:
-    """Return words as SVG, which has no place for half and control characters, takes them."""
+    """Return text for SVG: escaped, with lone surrogates and control characters spelled out."""
     return escape(legible(words))
 
 

@@ -1,4 +1,4 @@
-"""How far the run is: a live line on a terminal, now and then a plain line elsewhere."""
+"""Shows the progress of a run: a live line on a terminal, a plain line now and then elsewhere."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ _PLAIN_S = 3.0
 _HEARTBEAT_S = 30.0
 _COMPILING_S = 5.0
 _ALONE_S = 3.0
-"""So long nothing is under way only where somebody else drives: the next episode of ours begins sooner."""
+"""Seconds without a running episode after which another run must be driving: our own next episode begins sooner."""
 _MOST_PASSED = 0.9
-"""The share of an episode that is over at most while it is under way, however long it takes."""
+"""The largest share of a running episode that counts as done, however long the episode takes."""
 Screen = Callable[[], AbstractContextManager[TextIO]]
-"""Gives the stream of the real terminal, at the start of a line, while nobody else writes to it: where people look, as
-opposed to what pytest captures from tests."""
+"""Opens the stream of the real terminal, not the stream that pytest captures, at the start of a line; while the stream
+is open, nothing else writes to the terminal.
+"""
 
 
 class ProgressState:
-    """What the events so far add up to. `clock` is in seconds and only its differences count."""
+    """The state of a run, summed up from its events. `clock` returns seconds, of which only differences count."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -56,7 +57,7 @@ class ProgressState:
         self._compiling: Compiling | None = None
 
     def see(self, event: Event) -> list[EpisodesNeeded]:
-        """Take in an event. Returns the settings that it completed."""
+        """Take in an event. Return the settings that the event completed."""
         self._left = None
         for part in (self._likely, self._costs, self._pace):
             part.see(event)
@@ -77,7 +78,7 @@ class ProgressState:
             self._next_since_s = self._clock()
         if isinstance(event, Finished):
             self._driven += 1
-        if isinstance(event, (Compiling, Finished)):  # where episodes end, nothing waits for a compiler
+        if isinstance(event, (Compiling, Finished)):  # when an episode ends, no episode waits for the compiler
             self._compiling = event if isinstance(event, Compiling) and event.done < event.total else None
         if not isinstance(event, (EpisodesNeeded, Finished, Reused, Spared)):
             return []
@@ -87,17 +88,17 @@ class ProgressState:
 
     @property
     def done(self) -> int:
-        """Episodes that are finished."""
+        """The number of finished episodes."""
         return len(self._finished)
 
     @property
     def total(self) -> int:
-        """Episodes that are finished or probably needed; verdicts may come earlier or later than they usually do."""
+        """The number of episodes finished or probably needed; verdicts may need fewer or more than estimated."""
         return self.done + len(self._to_drive())
 
     @property
     def left_s(self) -> float | None:
-        """Seconds to go, less what is still to be compiled; None before the first episode is finished."""
+        """The estimated seconds left, without time for compiling; None before the first episode is finished."""
         if not self._driven:
             return None
         expected_s = self._costs.expected_s(self._to_drive())
@@ -107,7 +108,7 @@ class ProgressState:
 
     @property
     def active(self) -> bool:
-        """True while something is left to be driven."""
+        """True while episodes are left to be driven."""
         return self.done < self.total
 
     def counts(self) -> str:
@@ -118,11 +119,11 @@ class ProgressState:
 
     @property
     def compiled(self) -> tuple[int, int] | None:
-        """How many functions are compiled, of how many that episodes wait for; None while nothing is compiled."""
+        """(compiled functions, functions that episodes wait for), or None while nothing is being compiled."""
         return (self._compiling.done, self._compiling.total) if self._compiling is not None else None
 
     def compiling(self) -> str:
-        """Return `"compiling, 31 of 140 functions done (kept for later runs)"`, nothing while nothing is compiled."""
+        """Return `"compiling, 31 of 140 functions done (kept for later runs)"`; empty while nothing is compiled."""
         if self.compiled is None:
             return ""
         done, total = self.compiled
@@ -132,7 +133,7 @@ class ProgressState:
         return key in self._finished or key in self._spared
 
     def _to_drive(self) -> frozenset[str]:
-        """Return the episodes that are needed, as far as one can tell, and not finished."""
+        """Return the keys of the episodes that are probably needed and not finished."""
         if self._left is None:
             likely = self._likely.keys()
             needed = likely | (self._keys - self._spared - (self._likely.read_keys - likely))
@@ -140,9 +141,9 @@ class ProgressState:
         return self._left
 
     def now(self) -> str:
-        """Return what is under way, of several the last: `"classical, 200 ms latency, 501 HardBreakRoute"`.
+        """Return the episode under way that began last: `"classical, 200 ms latency, 501 HardBreakRoute"`.
 
-        Where nothing is for some seconds, another run with the same store drives what is left.
+        When no episode is under way for some seconds, another run with the same store drives the remaining episodes.
         """
         if not self._running:
             return "waiting for another run" if self._clock() - self._next_since_s >= _ALONE_S else ""
@@ -152,22 +153,22 @@ class ProgressState:
 
 
 class Progress:
-    """A display of a run: this one, for `-q` and `-p no:terminal`, shows nothing."""
+    """A display of a run. This base class shows nothing and is used for `-q` and `-p no:terminal`."""
 
     def see(self, event: Event) -> None:
         """Take in an event."""
 
     def refresh(self) -> None:
-        """Show the present state. Called often; does something only now and then."""
+        """Show the present state. Called often; subclasses draw only now and then."""
 
     def pause(self) -> None:
-        """Leave the terminal as if nothing had been drawn: somebody else is about to write."""
+        """Clear the drawing from the terminal, because other output follows."""
 
 
 class PlainProgress(Progress):
-    """A line when a setting is finished, at most one in three seconds, and a sign of life every half minute.
+    """Writes a line when a setting is finished, at most one in 3 s, and a sign of life every 30 s.
 
-    While kernels are compiled, a line at once and one every five seconds.
+    While functions are being compiled, writes a line at once and then one every 5 s.
     """
 
     def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
@@ -179,7 +180,7 @@ class PlainProgress(Progress):
 
     def see(self, event: Event) -> None:
         """Take in an event and perhaps write a line."""
-        for needed in self._state.see(event)[-1:]:  # the clean twins come first
+        for needed in self._state.see(event)[-1:]:  # clean twins come first: name the last setting
             if self._clock() - self._written_s >= _PLAIN_S:
                 self._write(f"{needed.agent} under {needed.setting} done, {self._state.counts()}")
 
@@ -200,7 +201,7 @@ class PlainProgress(Progress):
 
 
 class LiveProgress(Progress):
-    """One line that is drawn over and over, gone when somebody else writes."""
+    """Draws one line again and again, and removes the line before other output."""
 
     def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
         self._screen = screen
@@ -214,7 +215,7 @@ class LiveProgress(Progress):
         self._state.see(event)
 
     def refresh(self) -> None:
-        """Draw, five times a second at most."""
+        """Draw the line, five times a second at most."""
         if self._clock() - self._drawn_s < _REDRAW_S or not self._state.active:
             return
         self._drawn_s = self._clock()
@@ -225,7 +226,7 @@ class LiveProgress(Progress):
             self._live.update(_bar(self._state), refresh=True)
 
     def pause(self) -> None:
-        """Take the line back."""
+        """Remove the line."""
         if self._live is not None:
             with self._screen():
                 self._live.stop()
@@ -237,7 +238,7 @@ def _live_on(stream: TextIO) -> Live:
     from rich.live import Live
 
     console = Console(file=stream, force_terminal=True)
-    # pytest decides what is captured, so Live must not put itself in front of stdout and stderr.
+    # pytest captures stdout and stderr, so Live must not redirect them.
     return Live(console=console, auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False)
 
 
@@ -247,7 +248,7 @@ def _bar(state: ProgressState) -> Table:
     from rich.text import Text
 
     grid = Table.grid(padding=(0, 1))
-    for may_shrink in (False, False, True):  # what is under way is cut off where the line is full, not the time left
+    for may_shrink in (False, False, True):  # a full line cuts the running episode, not the time left
         grid.add_column(no_wrap=not may_shrink)
     done, total = state.compiled or (state.done, state.total)
     texts = (state.compiling(), "") if state.compiled is not None else (state.counts(), state.now())

@@ -1,4 +1,4 @@
-"""The static world of a route as plain data, in whole centimetres: what a replay is drawn on."""
+"""The static world of a route as plain data in whole centimetres, on which replays are drawn."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ _LINES = {"none": 0, "striped": 1, "solid": 2}
 
 
 class RoadMaps:
-    """The worlds of routes, built again as they were driven; None where they cannot be."""
+    """Builds the worlds of routes again as driven, and keeps them; without a `simulator` there are none."""
 
     def __init__(self, simulator: Simulator | None) -> None:
         self._simulator = simulator
         self._truths: dict[tuple[str, int], GroundTruth | None] = {}
-        # a world with roads of its own makes them of route and seed
+        # a simulator with its own routes builds the roads from route and seed
         self._by_seed = simulator is not None and own_routes(simulator) is not None
 
     def truth(self, route: Route | None, seed: int) -> GroundTruth | None:
-        """Return the world of a route at its start."""
+        """Return the world of a route at its start, or None when it cannot be built."""
         if route is None or self._simulator is None:
             return None
         name = (route.id, seed if self._by_seed else 0)
@@ -48,11 +48,11 @@ class RoadMaps:
             self._simulator.reset(route, seed=seed, cameras=())
             return self._simulator.truth()
         except (DriveRobustError, ArithmeticError, LookupError, TypeError, ValueError):
-            return None  # a replay without a road says so
+            return None  # the replay then says that the road is missing
 
 
 def map_data(truth: GroundTruth) -> dict[str, Any]:
-    """Return lanes, lines, buildings and the route near it as plain JSON types, lengths in cm and angles in mrad."""
+    """Return the route and the lanes, lines and buildings near it as plain JSON types, in cm and mrad."""
     lane_map, route = truth.lane_map, truth.route
     low, high = route[:, :2].min(axis=0) - _MARGIN_M, route[:, :2].max(axis=0) + _MARGIN_M
 
@@ -84,7 +84,7 @@ def _lane(lane: Lane) -> list[Any]:
 
 
 def _line(points: Floats) -> list[int]:
-    """Return x, y, x, y, ... of a line without the points that lie within 5 cm of what the others draw."""
+    """Return x, y, x, y, ... in cm, without points that lie within 5 cm of the line through the other points."""
     import cv2
 
     if len(points) < 3:

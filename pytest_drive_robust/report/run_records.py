@@ -1,4 +1,4 @@
-"""A stored run: its document, and the result of each episode, with its trace where one is stored."""
+"""A stored run: its document and the result of each episode, with the trace if it is stored."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ S = TypeVar("S")
 
 @dataclass(frozen=True)
 class RunRecords:
-    """One run. `results` are those of its episodes, in the order of the run.
+    """One stored run; `results` are the results of its episodes, in the order of the run.
 
-    An episode whose record was not found, or is that of another drive, has an empty trace. `keys` names each episode in
-    the store; `routes` are those of each route specification that can still be resolved, `simulator` is None where it
-    cannot be made here.
+    An episode whose record is missing, or is the record of another drive, has an empty trace. `keys` holds the store
+    key of each episode, `routes` the routes of each route specification that can still be resolved. `simulator` is None
+    when the simulator cannot be created here. `baselines` maps each setting to its clean setting.
     """
 
     label: str
@@ -45,9 +45,9 @@ class RunRecords:
 
     @classmethod
     def stored(cls, reference: str, registry: Registry, *, store: Path | None = None) -> RunRecords:
-        """Read a run that people name: a stored run, `"latest"` or a JSON file; its episodes come from the store.
+        """Return the run of a reference: a stored run, `"latest"` or a JSON file; its episodes come from the store.
 
-        `store` is the folder of the episodes where they are not in the project's. Raises `UsageError`.
+        `store` is the folder of the episodes, by default the store of the project. Raises `UsageError`.
         """
         document = read_run_document(reference)
         stored = document.get("stored")
@@ -57,9 +57,9 @@ class RunRecords:
 
     @classmethod
     def of(cls, document: Mapping[str, Any], find: Find, registry: Registry, *, label: str) -> RunRecords:
-        """Bring together what the document tells and what `find` gives for a key.
+        """Return the run of a document, with the stored episodes that `find` returns for its keys.
 
-        Raises `UsageError` for a document that lacks what runs have, and where two routes have the same id.
+        Raises `UsageError` for a damaged document, and when two routes have one id.
         """
         try:
             items = document["episodes"]
@@ -72,7 +72,7 @@ class RunRecords:
             name = document["settings"]["simulator"]
         except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise damaged(label, error) from None
-        if len(results) < len(episodes):  # as of two files
+        if len(results) < len(episodes):  # two route files with a common id
             twice = next(episode for episode in episodes if episodes.count(episode) > 1)
             raise routes_of_one_id(label, twice.route_id, f" for {twice.agent} under {twice.setting}")
         simulator = _found(lambda: registry.simulator(name), None)
@@ -94,47 +94,47 @@ class RunRecords:
         )
 
     def route(self, route_id: str) -> Route | None:
-        """Return a route of the run; None when its specification does not lead to it any more."""
+        """Return a route of the run, or None when its specification cannot be resolved any more."""
         return next((route for routes in self.routes.values() for route in routes if route.id == route_id), None)
 
     def spec_of(self, route_id: str) -> str:
-        """Return the route specification that holds a route; the first of the run where none can be resolved."""
+        """Return the route specification that holds a route; the run's first specification if none can be resolved."""
         specs = (spec for spec, routes in self.routes.items() for route in routes if route.id == route_id)
         return next(specs, "") or next((str(row["routes_spec"]) for row in self.document["summaries"]), "")
 
     @property
     def mode(self) -> str:
-        """How its metrics were computed: `"bench2drive"` or `"fixed"`."""
+        """The metric mode of the run: `"bench2drive"` or `"fixed"`."""
         return str(self.document["settings"]["metrics"])
 
     @property
     def alpha(self) -> float:
-        """How often a verdict from evidence was allowed to be wrong, each way; 0.05 where the run does not tell."""
+        """The alpha of verdicts from evidence, for each side; 0.05 when the document does not tell."""
         return float(self.document["settings"].get("alpha", 0.05))
 
     def baseline(self, setting: str) -> str:
-        """Return the sentence of the clean drive that a setting is compared with."""
+        """Return the sentence of the clean setting that `setting` is compared with."""
         return self.baselines.get(setting, str(Setting.CLEAN))
 
     def is_clean(self, setting: str) -> bool:
-        """True for a setting that others are compared with."""
+        """Return True for a clean setting, with which other settings are compared."""
         return self.baseline(setting) == setting
 
     def twin(self, episode: Episode) -> EpisodeResult | None:
-        """Return the clean episode that one under a setting is compared with; None for a clean one."""
+        """Return the clean episode with which `episode` is compared; None for a clean episode or without a twin."""
         baseline = self.baseline(episode.setting)
         return None if baseline == episode.setting else self.results.get(replace(episode, setting=baseline))
 
     def of_setting(
         self, agent: str, setting: str, route_ids: Iterable[str], seeds: Sequence[int]
     ) -> list[EpisodeResult]:
-        """Return the episodes of these routes and seeds that the run holds, in this order."""
+        """Return the results of these routes and seeds that the run holds, by route, then by seed."""
         episodes = (Episode(agent, route_id, setting, seed) for route_id in route_ids for seed in seeds)
         return [self.results[episode] for episode in episodes if episode in self.results]
 
 
 def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
-    """Return the stored episode where it is the drive that the document tells of, else what the document tells."""
+    """Return the stored episode if its end and trace digest match the document, else the result in the document."""
     stored = find(item["key"])
     if stored is not None and (stored.end.value, stored.trace.digest) == (item["end"], item["trace_digest"]):
         return stored
@@ -142,7 +142,7 @@ def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
 
 
 def stored_episodes(folder: Path) -> Find:
-    """Return what finds an episode in a store; one that is not there or not whole is None."""
+    """Return a function that returns the episode of a key in a store, or None when it is missing or damaged."""
     files = RecordFiles(folder)
 
     def find(key: str) -> EpisodeResult | None:
@@ -160,7 +160,7 @@ def _baseline(setting: str, registry: Registry) -> str:
 
 
 def _found(look_up: Callable[[], T], otherwise: S) -> T | S:
-    """Return what is looked up; `otherwise` for what this machine does not know."""
+    """Return the result of `look_up`, or `otherwise` when a name or package is unknown on this machine."""
     try:
         return look_up()
     except (DriveRobustError, ImportError):

@@ -1,4 +1,4 @@
-"""Everything that one run produced, as one frozen object: what every report is a pure function of."""
+"""The result of one run as one frozen object, of which every report is a pure function."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class SettingRow:
     `summary` is None when there is nothing to summarise, and `problem` says why; `rd` is None for clean rows and when
     the clean twins were not driven, do not compare or score below the floor of the verdict rule. `verdict` is the worst
     of the requirements on this row: `"error"`, `"fail"`, `"inconclusive"`, `"pass"`, or `"-"` when none was judged.
-    `needed` leaves out what a verdict did not wait for; where it did not wait for all of the `planned` routes,
-    `ds_interval` and `rd_interval` say what DS and RD may be on routes like these (alpha of the verdict rule a side).
-    `judged` holds the value of every metric that a requirement on this row names.
+    `needed` counts the episodes of the row, except spared ones. If a verdict did not wait for all `planned` routes,
+    `ds_interval` and `rd_interval` are the intervals of DS and RD on routes like these (alpha of the verdict rule a
+    side). `judged` holds the value of every metric that a requirement on this row names.
     """
 
     agent: str
@@ -65,12 +65,12 @@ class SettingRow:
 
     @property
     def is_partial(self) -> bool:
-        """True when verdicts were in before all routes were driven."""
+        """True when verdicts were reached before all routes were driven."""
         return self.ds_interval is not None
 
     @property
     def routes(self) -> int:
-        """How many routes were driven at least once."""
+        """The number of routes that were driven at least once."""
         return len({result.episode.route_id for result in self.results})
 
     @property
@@ -81,13 +81,13 @@ class SettingRow:
 
 @dataclass(frozen=True, slots=True)
 class RunResult:
-    """One run. `episodes` holds the episodes that its verdicts rest on by key, in the order in which tests need them.
+    """One run. `episodes` holds by key the episodes that its verdicts rest on, in the order in which tests need them.
 
-    What was driven ahead of a verdict that then did not need it is left out: what a run shows does not depend on who
-    was quicker. `driven` is how many of `episodes` this run drove itself; the others were in the store.
-    `late` are those of `judged` that were open in their test and became fails when all p-values were known.
-    `ended_early` is True where tests were left when the run ended, or broke before they asked for a verdict: what they
-    would have judged is not in it.
+    An episode that was driven ahead, but that its verdict did not need, is left out, so that the result does not depend
+    on the speed of the workers. `driven` is how many of `episodes` this run drove itself; the others were in the store.
+    `late` are the verdicts of `judged` that were inconclusive in their test and became fails when all p-values were
+    known. `ended_early` is True when tests were left at the end of the run, or broke before their verdict; the result
+    lacks the requirements of those tests.
     """
 
     options: RunOptions
@@ -112,7 +112,7 @@ class RunResult:
         versions: Mapping[str, str],
         notes: tuple[str, ...] = (),
     ) -> RunResult:
-        """Put together what the events tell; `find` gives the finished episode of a key, or None."""
+        """Return the result of a run from its events; `find` returns the finished episode of a key, or None."""
         needed = _merged(event for event in events if isinstance(event, EpisodesNeeded))
         scopes = _scopes(event for event in events if isinstance(event, EpisodesNeeded))
         order = {key: place for place, key in enumerate(_needed_keys(events))}
@@ -147,7 +147,7 @@ class RunResult:
 
 
 def row_labels(rows: Sequence[tuple[str, str, Sequence[int]]]) -> list[str]:
-    """Return the setting of each row (setting, routes, seeds), with its routes and its seeds where rows differ in them.
+    """Return the label of each row (setting, routes, seeds): the setting, with routes and seeds if rows differ in them.
 
     >>> row_labels([("clean", "suites/night.xml", [0]), ("clean", "dev10", [0])])
     ['clean on night.xml', 'clean on dev10']
@@ -163,7 +163,7 @@ def row_labels(rows: Sequence[tuple[str, str, Sequence[int]]]) -> list[str]:
 
 
 def _short(routes_spec: str) -> str:
-    """Name a file without its folder: that is the same for all of them as a rule."""
+    """Return a file name without its folder, which is usually the same for all files."""
     return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]
 
 
@@ -182,7 +182,7 @@ def mixed_machines(run: RunResult) -> list[str]:
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:
-    """Return what was judged, and which of it fails only now that all p-values are known.
+    """Return all verdicts after Holm's correction, and the verdicts that the correction turned into fails.
 
     See `stats.multiple_verdicts`.
     """
@@ -200,7 +200,7 @@ def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged],
 
 
 def _merged(needed: Iterable[EpisodesNeeded]) -> list[EpisodesNeeded]:
-    """Return each setting once, though several tests asked for it, with its clean twins when one of them compared."""
+    """Return each set of episodes once, even if several tests need it, with clean twins if any test compared."""
     found: dict[tuple[str, ...], EpisodesNeeded] = {}
     for item in needed:
         if item.keys not in found or item.clean_keys:
@@ -209,7 +209,7 @@ def _merged(needed: Iterable[EpisodesNeeded]) -> list[EpisodesNeeded]:
 
 
 def _scopes(needed: Iterable[EpisodesNeeded]) -> dict[tuple[str, ...], set[_Scope]]:
-    """Return what requirements on the same episodes may be called: two specifications may name the same routes."""
+    """Return the scopes of each set of episodes, by its keys: two specifications may name equal routes."""
     found: dict[tuple[str, ...], set[_Scope]] = {}
     for item in needed:
         found.setdefault(item.keys, set()).add(_scope_of(item))
@@ -217,7 +217,7 @@ def _scopes(needed: Iterable[EpisodesNeeded]) -> dict[tuple[str, ...], set[_Scop
 
 
 def _needed_keys(events: Sequence[Event]) -> list[str]:
-    """Return keys in the order of the plan, then of asking: the same however many workers took part."""
+    """Return the keys in the order of the plan, then of the tests, which is equal for any number of workers."""
     planned = (key for event in events if isinstance(event, Planned) for key in event.keys)
     needed = (key for event in events if isinstance(event, EpisodesNeeded) for key in (*event.clean_keys, *event.keys))
     return list(dict.fromkeys((*planned, *needed)))
@@ -266,9 +266,9 @@ def _ds_interval(results: Sequence[EpisodeResult], alpha: float) -> Interval:
 def _scores_in_pairs(
     needed: EpisodesNeeded, episodes: Mapping[str, EpisodeResult], spared: set[str], *, clean_floor: float
 ) -> tuple[list[float], list[float]] | None:
-    """Return the clean and the perturbed scores of the routes that were driven in both ways.
+    """Return the clean and the perturbed scores of the routes that were driven clean and perturbed.
 
-    None when one is missing that nobody spared, and where the clean score is too low to lose anything.
+    Returns None when an episode is missing that was not spared, and when the clean score is below the floor.
     """
     if any(key not in episodes and key not in spared for key in (*needed.clean_keys, *needed.keys)):
         return None
@@ -296,6 +296,6 @@ def _worst(verdicts: Iterable[str]) -> str:
 
 
 def _versions_told(results: Iterable[EpisodeResult]) -> dict[str, str]:
-    """Return what the episodes say decided their numbers. What a machine computes is told of each episode by itself."""
+    """Return the merged versions that episodes recorded, without Python and machine facts, which each episode tells."""
     merged = merged_versions(result.versions for result in results)
     return {name: version for name, version in merged.items() if name not in MACHINE_FACTS and name != "python"}

@@ -21,15 +21,15 @@ _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
 _NARROW_COLUMNS = ("DS", "SR", "RD", "routes")
 _BETTER = {"RD": "<=", "DS": ">=", "SR": ">="}
-"""Which comparison asks for a good agent. Of other metrics one may want neither too much nor too little."""
+"""The comparison that demands a good agent. Other metrics may be limited from both sides."""
 _MOST_OTHERS = 2
-"""So many more metrics fit into a line; JSON has all of them."""
+"""How many other metrics fit into a line; JSON has all metrics."""
 
 
 def run_summary(run: RunResult, *, colour: bool, width: int = WIDTH) -> str:
-    """Return the table with its footnotes; empty when nothing was asked for.
+    """Return the table with its footnotes; empty when the run has no rows.
 
-    `colour` adds terminal escapes; `width` is how many columns there are.
+    `colour` adds terminal escapes; `width` is the number of columns.
     """
     if not run.rows:
         return ""
@@ -42,7 +42,7 @@ def run_summary(run: RunResult, *, colour: bool, width: int = WIDTH) -> str:
 
 
 def rows_of(run: RunResult, columns: Sequence[str]) -> list[tuple[str, ...]]:
-    """Return agent, setting, the numbers of `columns` and the verdict of each row, as they are shown."""
+    """Return agent, setting, the numbers of `columns` and the verdict of each row, as text for a table."""
     labels = row_labels([(row.setting, row.routes_spec, row.seeds) for row in run.rows])
     return [
         (row.agent + ("*" if row.privileged else ""), label, *_numbers(row, columns), row.verdict)
@@ -51,10 +51,10 @@ def rows_of(run: RunResult, columns: Sequence[str]) -> list[tuple[str, ...]]:
 
 
 def columns_of(run: RunResult) -> tuple[str, ...]:
-    """Return the columns with numbers: those that every run has, and the other metrics that requirements name.
+    """Return the names of the number columns: the usual ones and other metrics that requirements name.
 
-    Where rows rest on few routes DS and RD come with their intervals. These and other metrics take the place of
-    efficiency and comfort unless a requirement asks for them.
+    Efficiency and comfort are left out, unless a requirement names them, to make room for other metrics, or for the
+    intervals of DS and RD in rows whose verdicts came before all routes were driven.
     """
     judged = _judged(run)
     others = _others(run)[:_MOST_OTHERS]
@@ -70,12 +70,12 @@ def _judged(run: RunResult) -> list[str]:
 
 
 def _others(run: RunResult) -> list[str]:
-    """Return those of them that have no column of their own in every table."""
+    """Return the metrics that requirements name and that are no usual column."""
     return [name for name in _judged(run) if name not in _COLUMNS]
 
 
 def _numbers(row: SettingRow, columns: Sequence[str]) -> list[str]:
-    """Return the metrics and the count of routes that `columns` name, as they are shown."""
+    """Return the metrics and the count of routes that `columns` name, as text."""
     summary = row.summary
     routes = f"{row.routes}/{row.planned}" if row.is_partial else str(row.routes)
     if len(row.seeds) > 1:
@@ -90,18 +90,18 @@ def _numbers(row: SettingRow, columns: Sequence[str]) -> list[str]:
             "RD": shown("RD", row.rd) + _between(row.rd_interval, partial(lower_end, "RD")),
             "efficiency": shown("efficiency", summary.efficiency),
         }
-        if "comfort" in columns:  # takes the trace of every episode
+        if "comfort" in columns:  # expensive: comfort reads the trace of every episode
             numbers["comfort"] = shown("comfort", summary.comfort)
     return [numbers.get(name, "-") for name in columns]
 
 
 def _between(interval: tuple[float, float] | None, form: Callable[[float], str]) -> str:
-    """Return `" (0.24 to 0.45)"`; nothing without an interval."""
+    """Return an interval as `" (0.24 to 0.45)"`, or an empty string for None."""
     return "" if interval is None else f" ({form(interval[0])} to {form(interval[1])})"
 
 
 def footnotes(run: RunResult) -> list[str]:
-    """Return what the table alone would not say, a sentence each."""
+    """Return the footnotes of the table, one sentence or line each."""
     lines = []
     left_out = _others(run)[_MOST_OTHERS:]
     if left_out:
@@ -163,7 +163,7 @@ def _several(run: RunResult) -> list[str]:
 
 
 def _open(run: RunResult) -> list[str]:
-    """Return what was neither shown to hold nor to be broken."""
+    """Return a line for each inconclusive verdict, with its reason."""
     lines = []
     for judged in run.judged:
         if judged.verdict == "inconclusive":
@@ -174,7 +174,7 @@ def _open(run: RunResult) -> list[str]:
 
 
 def _mistaken(run: RunResult) -> list[str]:
-    """Return which requirements were passed that hardly ask for anything: `<=` for `>=`, a share for points of DS."""
+    """Return warnings on passed requirements that are probably mistakes: `<=` for `>=`, a share for points of DS."""
     lines = []
     for judged in run.judged:
         better = _BETTER.get(judged.metric)
@@ -197,12 +197,12 @@ def _mistaken(run: RunResult) -> list[str]:
 
 
 def _value(judged: Judged) -> str:
-    """Return the value of a requirement, whose sentence with the limit stands beside it."""
+    """Return the value of a requirement as text, with enough decimals to differ from the limit beside it."""
     return shown_beside(judged.metric, judged.value, judged.limit)
 
 
 def _errors(run: RunResult, outcome: Outcome, name: str) -> list[str]:
-    """Tell equal reasons once, with how many episodes ended that way and one of them by name."""
+    """Return a line for each reason of an error, with the number of episodes and the first episode, and its replay."""
     reasons: dict[str, list[EpisodeResult]] = {}
     for result in run.episodes.values():
         if result.outcome is outcome:
@@ -220,7 +220,7 @@ def _first(results: Sequence[EpisodeResult]) -> str:
 
 
 def _replay(run: RunResult, result: EpisodeResult) -> list[str]:
-    """Return how far it came and the command that drives it again; nothing where others drive."""
+    """Return how far an episode came and the command that drives it again; an empty list with an external simulator."""
     specs = (row.routes_spec for row in run.rows if any(result is item for item in row.results))
     routes_spec = next(specs, None)
     if routes_spec is None or run.options.is_external:

@@ -1,10 +1,10 @@
-"""How much is left of a run: which episodes its verdicts probably take, what each costs, how fast they are driven.
+"""Estimates the time left of a run: the episodes that its verdicts probably read, their cost, and the pace of driving.
 
-A verdict from evidence stops early, so nobody knows beforehand how many episodes there will be. For a verdict that is
-being read its judge says how many routes it probably takes (`RoutesRead`); for one that is not, its limit does, and
-whether the verdicts of this run took more or fewer than that. An episode costs what those of its agent under its
-setting cost. Seconds of episodes become seconds of the clock by the slots in use; what an episode waited for before it
-began, such as a compiler, is not counted.
+A verdict from evidence stops early, so the number of episodes is not known beforehand. While a verdict reads routes,
+its judge estimates how many routes it will read (`RoutesRead`). Before that, the estimate comes from the limit, and is
+corrected by how many routes the earlier verdicts of this run read. The cost of an episode comes from episodes of the
+same agent and setting. Seconds of episodes become seconds of the clock by the slots in use; the time that an episode
+waits before it begins, for example for a compiler, is not counted.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from pytest_drive_robust.store.events import (
 _CLEAN = "clean"
 _USUAL_EPISODE_S = 1.0
 _USUAL_FACTOR = 1.3
-"""What an episode under a failure costs compared with a clean one, before one is known: 0.9 to 3 for `classical`."""
+"""The usual cost of an episode under a failure, relative to a clean episode: 0.9 to 3 for `classical`."""
 _USUAL_WEIGHT = 3.0
-"""How many episodes of this run say as much as what is usual."""
+"""The weight of the usual cost, in episodes of this run."""
 _USUAL_VERDICTS = 3
-"""How many verdicts of this run say as much as what is usual."""
+"""The weight of the usual number of routes, in verdicts of this run."""
 
 _Ident = tuple[str, str, str, tuple[int, ...]]
 _Kind = tuple[str, str]
@@ -40,7 +40,7 @@ _Kind = tuple[str, str]
 
 
 class LikelyEpisodes:
-    """Which episodes the requirements of the selected tests probably take, by key."""
+    """Estimates which episodes (by key) the requirements of the selected tests will read."""
 
     def __init__(self) -> None:
         self._open: dict[_Ident, VerdictPlanned] = {}
@@ -64,7 +64,7 @@ class LikelyEpisodes:
                 self._taken.append(event.routes / max(1, item.likely))
 
     def covers(self, needed: EpisodesNeeded) -> bool:
-        """Return True where a requirement is known to read episodes under this setting, so that it says how many."""
+        """Return True when a planned verdict reads episodes of this setting, so that their number is estimated here."""
         return (needed.agent, needed.routes_spec, needed.seeds, needed.setting) in self._settings
 
     @property
@@ -73,7 +73,7 @@ class LikelyEpisodes:
         return all(item.rule == "point" for item in self._open.values())
 
     def keys(self) -> set[str]:
-        """Return the episodes that the open verdicts probably take."""
+        """Return the keys of the episodes that the open verdicts will probably read."""
         likely: set[str] = set()
         for ident, item in self._open.items():
             count = self._likely_of(ident, item) * len(item.seeds)
@@ -90,12 +90,12 @@ class LikelyEpisodes:
 
 
 class EpisodeCosts:
-    """What the episodes of the plan cost in wall seconds, learnt from those that ended, also in an earlier run.
+    """Estimates the cost of the planned episodes in wall seconds, from episodes that ended in this or an earlier run.
 
-    An episode costs what those of its agent under its setting cost on average. While few of these are known, what is
-    usual counts as much as `_USUAL_WEIGHT` of them: the clean episodes of the agent, times `_USUAL_FACTOR` under a
-    failure. An earlier run may have had a machine that was slower or busier: its seconds count as many times as those
-    of this run turn out longer than it lets expect.
+    The cost of an episode is the mean over the episodes of its agent and setting. While few of these are known, a usual
+    cost counts as much as `_USUAL_WEIGHT` episodes: the mean of the agent's clean episodes, times `_USUAL_FACTOR` under
+    a failure. An earlier run may have had a slower or busier machine, so its seconds are multiplied by the ratio of
+    this run's seconds to the seconds that the earlier run lets expect.
     """
 
     def __init__(self) -> None:
@@ -122,7 +122,7 @@ class EpisodeCosts:
             self._driven_s[kind].append(event.wall_s)
 
     def expected_s(self, keys: Iterable[str]) -> dict[str, float]:
-        """Return the wall seconds that each of these episodes probably takes."""
+        """Return the expected wall seconds of each of these episodes, by key."""
         longer = self._times_longer()
         walls_s = {
             kind: [*self._driven_s.get(kind, ()), *(longer * wall_s for wall_s in self._stored_s.get(kind, ()))]
@@ -132,7 +132,7 @@ class EpisodeCosts:
         return {key: costs[self._kinds[key]] if key in self._kinds else usual for key in keys}
 
     def _times_longer(self) -> float:
-        """Return how many times longer this run drives than the stored episodes let expect."""
+        """Return the ratio of this run's wall seconds to the seconds that the stored episodes let expect."""
         if not self._compared:
             return 1.0
         took_s, expected_s = (math.fsum(column) for column in zip(*self._compared, strict=True))
@@ -140,12 +140,12 @@ class EpisodeCosts:
         return (took_s + usual_s) / (expected_s + usual_s) if expected_s else 1.0
 
     def _costs(self, walls_s: Mapping[_Kind, Sequence[float]]) -> tuple[dict[_Kind, float], float]:
-        """Return what each kind of episode costs where these are known, and what one of unknown kind does."""
+        """Return the seconds of each kind of episode, given known wall seconds, and the seconds of an unknown kind."""
         agents: dict[str, list[float]] = defaultdict(list)
         for (agent, setting), walls in walls_s.items():
             if setting in self._baselines:
                 agents[agent] += walls
-        # An agent of which nothing is known may cost far more than one that is quick.
+        # At least `_USUAL_EPISODE_S`, because an unknown agent may be far slower than a quick known agent.
         usual = max(_mean((fmean(walls) for walls in agents.values() if walls), 0.0), _USUAL_EPISODE_S)
         costs = {}
         for agent, setting in set(self._kinds.values()):
@@ -157,10 +157,10 @@ class EpisodeCosts:
 
 
 class Pace:
-    """How many seconds of episodes are driven in a second of the clock, and how many those under way have had.
+    """Measures the seconds of episodes driven per second of the clock, and the seconds of the episodes under way.
 
-    Of those that are driven together each has its share of the time. Episodes that began before the first one of their
-    agent ended may have waited for a compiler: they tell nothing.
+    Episodes driven together share the time equally. An episode that began before the first episode of its agent ended
+    is not counted, because it may have waited for a compiler.
     """
 
     def __init__(self, clock: Callable[[], float]) -> None:
@@ -170,7 +170,7 @@ class Pace:
         self.per_second = 1.0
 
     def see(self, event: Event) -> None:
-        """Take in an event. As many slots as were ever seen in use drive at the same time."""
+        """Take in an event. The pace is the largest number of slots ever seen in use."""
         if isinstance(event, Started):
             self._under_way[event.key] = event, self._clock(), event.agent in self._ready
             in_use = math.fsum(1.0 / started.together for started, _, _ in self._under_way.values())
@@ -179,7 +179,7 @@ class Pace:
             self._ready.add(self._under_way.pop(event.key)[0].agent)
 
     def running_s(self) -> dict[str, float]:
-        """Return how long each episode under way has been driven, in its own seconds."""
+        """Return by key how long each episode under way has been driven, in seconds of the episode."""
         now_s = self._clock()
         return {
             key: (now_s - began_s) / started.together

@@ -1,4 +1,4 @@
-"""H.264 in MP4 by PyAV, an optional extra; the file is whole or not there."""
+"""Writes H.264 videos in MP4 with PyAV, an optional extra, and PNG pictures; a file is whole or not there."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pytest_drive_robust.jit.arrays import Pixels
 from pytest_drive_robust.store.whole_file import refusing_unwritable, whole_file, write_whole
 
 EXTRA = "pytest-drive-robust[video]"
-"""What to install for videos."""
+"""The package with the extra to install for videos."""
 
 _ENCODER = "libx264"
-"""The wheels of PyAV bring it; builds of FFmpeg may lack it."""
+"""The encoder; the wheels of PyAV include it, other builds of FFmpeg may lack it."""
 
 
 def has_encoder() -> bool:
@@ -32,9 +32,9 @@ def write_video(
 ) -> None:
     """Write pictures, all (height, width, 3) uint8 RGB with even sides, as a video that browsers play.
 
-    8-bit 4:2:0 in BT.709 with its index in front, so that it starts before it is loaded. `wrote()` is called after
-    every picture; pictures are taken one at a time. Raises `UsageError` where no encoder is installed, the path cannot
-    be written, or there is no picture; then `path` is what it was before.
+    The video is 8-bit 4:2:0 in BT.709 with the index in front, so that playing starts before all is loaded. `wrote()`
+    is called after every picture; pictures are taken one at a time. Raises `UsageError` when no encoder is installed,
+    `path` cannot be written, or there is no picture; then `path` is unchanged.
     """
     if not has_encoder():
         raise UsageError(f"no H.264 encoder is installed: pip install '{EXTRA}'.")
@@ -49,7 +49,7 @@ def write_video(
         av.open(str(temporary), "w", format="mp4", options={"movflags": "+faststart"}) as container,
     ):
         stream: Any = None
-        reformatter = VideoReformatter()  # kept: making one takes longer than using it
+        reformatter = VideoReformatter()  # reused, because creating one takes longer than using it
         for picture in pictures:
             if stream is None:
                 stream = _stream(container, picture, rate_hz)
@@ -78,7 +78,7 @@ def _stream(container: Any, picture: Pixels, rate_hz: int) -> Any:
     stream.height, stream.width = picture.shape[:2]
     stream.pix_fmt = "yuv420p"
     context = stream.codec_context
-    context.gop_size = rate_hz * 2  # one can jump to any two seconds
+    context.gop_size = rate_hz * 2  # a key frame every 2 s, to which players can jump
     context.colorspace = context.color_primaries = context.color_trc = 1  # BT.709
     context.color_range = 1  # 16..235
     return stream

@@ -1,4 +1,4 @@
-"""Stored runs for work of your own: `read_run` gives objects and tables, `drive-robust export` files of other tools."""
+"""Reads stored runs for your own analysis: `read_run` gives objects and tables; `drive-robust export` writes files."""
 
 from pytest_drive_robust.results.run import Run, read_run
 from pytest_drive_robust.results.tables import TABLES

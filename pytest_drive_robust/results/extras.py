@@ -1,4 +1,4 @@
-"""Libraries that only some exports need."""
+"""Imports optional libraries that only some exports need."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _ALL = 1
 
 
 def write_mcap(run: Run, folder: Path) -> Iterator[Path]:
-    """Write a file for each scene; yield them. Raises `UsageError` where a library is missing."""
+    """Write one MCAP file per scene and yield its path. Raises `UsageError` when a library is missing."""
     writer: Any = require("mcap.writer", "mcap")
     require("foxglove_schemas_protobuf", "mcap")
     for scene in scenes_of(run):
@@ -59,7 +59,7 @@ def _write(writer: Any, scene: Scene) -> None:
 
 
 def _foxglove(path: str, thing: Pose | Place | Note | Shapes, stamp: dict[str, int]) -> tuple[str, dict[str, Any]]:
-    """Return the name and the fields of a message."""
+    """Return the Foxglove schema name and the fields of a message."""
     name = path.partition("/")[0]
     if isinstance(thing, Pose):
         pose = {"translation": {"x": thing.x_m, "y": thing.y_m}, "rotation": _turned(thing)}
@@ -73,7 +73,7 @@ def _foxglove(path: str, thing: Pose | Place | Note | Shapes, stamp: dict[str, i
     frame = {"timestamp": stamp, "frame_id": thing.frame or _WORLD, "frame_locked": bool(thing.frame)}
     lines = {**frame, "id": path, "lines": [line for lines in thing.lines for line in _lines(lines)]}
     boxes = [{**frame, "id": box.name, "cubes": [_cube(box)]} for box in thing.boxes]
-    # everything each time: who jumps to a moment gets the last message of a topic, and no other
+    # Each message repeats the whole scene: a viewer that jumps to a moment reads only the last message of a topic.
     return "SceneUpdate", {"deletions": [{"type": _ALL}], "entities": [lines, *boxes]}
 
 
@@ -82,7 +82,7 @@ def _schema(name: str) -> Any:
 
 
 def _described(made: Any) -> bytes:
-    """Return the description of a message: its file, behind all files that it needs."""
+    """Return the serialized protobuf descriptors of a message: its file, after all files that its file imports."""
     pool: Any = require("google.protobuf.descriptor_pb2", "mcap")
     found: dict[str, Any] = {}
 

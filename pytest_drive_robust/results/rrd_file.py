@@ -1,4 +1,4 @@
-"""Episodes for Rerun: what the MCAP file has, and a layout that shows it."""
+"""Episodes for Rerun: the content of the MCAP file, and a layout that shows the content."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _PLOTS = ("speed_mps", "steer", "brake")
 
 
 def write_rrd(run: Run, folder: Path) -> Iterator[Path]:
-    """Write a file for each scene; yield them. Raises `UsageError` where the library is missing."""
+    """Write one Rerun file per scene and yield its path. Raises `UsageError` when the library is missing."""
     rerun: Any = require("rerun", "rrd")
     for scene in scenes_of(run):
         path = folder / f"{scene.file_name}.rrd"
         recording = rerun.RecordingStream("drive_robust", recording_id=scene.file_name)
         if hasattr(recording, "set_log_time_enabled"):  # older versions always have a second time axis
             recording.set_log_time_enabled(False)
-        memory = recording.memory_recording()  # its own writer of files does not say where a disk was full
+        memory = recording.memory_recording()  # Rerun's own file writer does not report a full disk
         recording.send_blueprint(_layout(scene))
         recording.log("/", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for item in scene.items():
@@ -70,7 +70,7 @@ def _log(rerun: Any, recording: Any, item: Item) -> None:
 
 
 def _shapes(rerun: Any, shapes: Shapes) -> Iterator[Any]:
-    """Yield boxes and lines, empty ones too: an empty one takes what the last tick drew off the screen."""
+    """Yield the boxes and the lines, even when empty: an empty shape clears the drawing of the last tick."""
     boxes, lines = shapes.boxes, [(line, kind) for kind in shapes.lines for line in kind.lines]
     yield rerun.Boxes3D(
         centers=[(box.pose.x_m, box.pose.y_m, box.size_m[2] / 2.0) for box in boxes],

@@ -1,4 +1,4 @@
-"""A stored run as plain objects, and as data frames where a library for them is installed."""
+"""A stored run as plain objects, and as data frames when pandas or polars is installed."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _LIBRARIES = ("pandas", "polars")
 
 
 def read_run(run: str | os.PathLike[str] = "latest", *, store: str | os.PathLike[str] | None = None) -> Run:
-    """Return a run: `"latest"`, the name that `--drive-save` gave, or a file of `--drive-json`.
+    """Return the stored run named `run`: `"latest"`, a name given with `--drive-save`, or a file of `--drive-json`.
 
-    Traces come from the store of the project, or from the folder `store`; an episode that is not there has an empty
-    one. Raises `UsageError` for what is no run, and for a `store` that is no folder.
+    Traces come from the store of the project, or from the folder `store`; an episode that is missing there has an empty
+    trace. Raises `UsageError` when `run` is no run or `store` is no folder.
     """
     folder = None if store is None else Path(store)
     if folder is not None and not folder.is_dir():
@@ -35,9 +35,9 @@ def read_run(run: str | os.PathLike[str] = "latest", *, store: str | os.PathLike
 
 @dataclass(frozen=True)
 class Run:
-    """One run. `requirements` are its verdicts, `episodes` what was driven: facts, infractions, traces, tracks.
+    """One run: `requirements` are the verdicts, `episodes` the results with infractions, traces and tracks.
 
-    `options` is what the user chose, `versions` what drove it.
+    `options` are the run options, `versions` the versions of the software that drove the run.
     """
 
     label: str
@@ -49,7 +49,7 @@ class Run:
 
     @classmethod
     def of(cls, records: RunRecords) -> Run:
-        """Return the whole run that was read. Raises `UsageError` for a damaged one."""
+        """Return the run of `records` with all episodes. Raises `UsageError` for a damaged run."""
         document = records.document
         names = {item.name for item in fields(Judged)}
         try:
@@ -71,7 +71,7 @@ class Run:
         route_id: str | None = None,
         seed: int | None = None,
     ) -> Run:
-        """Return the run with only these episodes. Raises `UnknownNameError` for a name that the run does not hold."""
+        """Return the run with only the matching episodes. Raises `UnknownNameError` for a value that no episode has."""
         kept = self.episodes
         for name, given in (("agent", agent), ("setting", setting), ("route_id", route_id), ("seed", seed)):
             if given is None:
@@ -83,18 +83,18 @@ class Run:
         return replace(self, episodes=kept)
 
     def twin(self, result: EpisodeResult) -> EpisodeResult | None:
-        """Return the clean episode of the same agent, route and seed; None for a clean one and where there is none."""
+        """Return the clean episode of equal agent, route and seed; None for a clean episode or without such a twin."""
         return self.records.twin(result.episode)
 
     def key(self, result: EpisodeResult) -> str:
-        """Return the name of an episode in the store."""
+        """Return the key of an episode in the store."""
         return self.records.keys[result.episode]
 
     def frame(self, table: str = "episodes", *, library: str | None = None) -> Any:
-        """Return `"episodes"`, `"ticks"`, `"infractions"` or `"requirements"` as a data frame.
+        """Return the table `"episodes"`, `"ticks"`, `"infractions"` or `"requirements"` as a data frame.
 
-        `library` is `"pandas"` or `"polars"`; by default the first of them that is installed. Raises `UsageError`
-        where none is, `UnknownNameError` for another table.
+        `library` is `"pandas"` or `"polars"`; by default the first that is installed. Raises `UsageError` when the
+        library is not installed, `UnknownNameError` for another table or library.
         """
         columns = columns_of(self, table)
         if library is not None and library not in _LIBRARIES:

@@ -1,7 +1,7 @@
-"""An episode and its clean twin as viewers show them.
+"""Scenes for viewers: an episode and its clean twin over time.
 
-Metres, x to the east, y to the north (that of simulators points south), z up; yaw counter-clockwise from east; seconds
-from the start.
+Positions are in metres: x to the east, y to the north (the y of simulators points south), z up. Yaw is
+counter-clockwise from east. Times are seconds from the start.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _PLOTTED = ("speed_mps", "forward_mps2", "right_mps2", "yaw_rate_radps", "thrott
 
 
 class Pose(NamedTuple):
-    """Where the ego's frame is."""
+    """The pose of a frame or box in the world."""
 
     x_m: float
     y_m: float
@@ -52,30 +52,30 @@ class Pose(NamedTuple):
 
     @property
     def turned(self) -> tuple[float, float]:
-        """Its quaternion's z and w; x and y are 0."""
+        """The z and w of the pose's quaternion; x and y are 0."""
         return math.sin(self.yaw_rad / 2.0), math.cos(self.yaw_rad / 2.0)
 
 
 class Place(NamedTuple):
-    """A point of the earth; maps of the simulators lie around (0, 0)."""
+    """A point on the earth; the maps of the simulators lie around (0, 0)."""
 
     latitude_deg: float
     longitude_deg: float
 
 
 class Values(dict[str, float]):
-    """Numbers to plot."""
+    """Numbers to plot, by name."""
 
 
 class Note(NamedTuple):
-    """Something that happened; `bad` for an infraction."""
+    """A line of the log; `bad` marks an infraction."""
 
     text: str
     bad: bool
 
 
 class Box(NamedTuple):
-    """One actor; `x_m`, `y_m` are the centre of its ground."""
+    """The box of the ego or an actor; `pose` is the centre of its base, `size_m` its length, width and height."""
 
     name: str
     pose: Pose
@@ -84,7 +84,7 @@ class Box(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Lines on the ground of one colour and width, each (points, 2)."""
+    """Lines on the ground in one colour and width; each line is (points, 2) in metres."""
 
     lines: list[Floats]
     colour: Colour
@@ -92,7 +92,7 @@ class Lines(NamedTuple):
 
 
 class Shapes(NamedTuple):
-    """Everything that a path shows from a moment on; in the frame of the ego `frame`, or the world's where it is ""."""
+    """All shapes that a path shows from a moment on, in the ego frame named `frame`, or in the world frame if ""."""
 
     boxes: list[Box]
     lines: list[Lines]
@@ -100,12 +100,12 @@ class Shapes(NamedTuple):
 
 
 Item = tuple[float, str, "Pose | Place | Values | Note | Shapes"]
-"""From this second on, at this path: `clean/actors`."""
+"""The second from which a thing is shown, its path such as `clean/actors`, and the thing."""
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What one file shows: episodes by their names, `clean` and `perturbed`, and the world as `map_data` tells it."""
+    """The content of one file: the episodes named `clean` and `perturbed`, and the world in the form of `map_data`."""
 
     title: str
     episodes: dict[str, EpisodeResult]
@@ -113,7 +113,7 @@ class Scene:
 
     @property
     def file_name(self) -> str:
-        """The title as the name of a file, without a suffix, another one for each title and short enough for a disk."""
+        """The title as a file name without a suffix, unique for each title and short enough for a disk."""
         plain = re.sub(r"[^\w.+-]+", "-", self.title).strip("-")
         if plain.replace("-", " ") == self.title and len(plain.encode()) <= _LONGEST_NAME:
             return plain
@@ -121,7 +121,7 @@ class Scene:
         return f"{plain.encode()[: _LONGEST_NAME - 9].decode(errors='ignore')}-{digest}"
 
     def items(self) -> list[Item]:
-        """Return everything in the order of time."""
+        """Return all items of the scene, sorted by time."""
         found: list[Item] = [(0.0, "road", Shapes([], self._road()))]
         for name, result in self.episodes.items():
             found += [*self._ego(name, result), *self._around(name, result), *_plans(name, result)]
@@ -138,7 +138,7 @@ class Scene:
         return [Lines(lines, _ROAD, 0.12), Lines(route, _ROUTE, 0.12)]
 
     def _ego(self, name: str, result: EpisodeResult) -> Iterator[Item]:
-        """Yield the ego at the end of each tick, and what it was told of its place."""
+        """Yield the ego at the end of each tick, and the location that the agent was given."""
         length, width = (size / 100.0 for size in self.world.get("ego", (490, 185)))
         box = Box(name, Pose(0.0, 0.0, 0.0), (length, width, _EGO_HEIGHT_M), _EGO[name])
         yield 0.0, f"{name}/ego", Shapes([box], [], frame=name)
@@ -152,7 +152,7 @@ class Scene:
             yield row[0] * result.dt_s, f"{name}/told", Place(*to_geodetic(row[1], row[2]))
 
     def _around(self, name: str, result: EpisodeResult) -> Iterator[Item]:
-        """Yield actors and stop lines several times a second."""
+        """Yield the actors and the stop lines of each sample of the tracks."""
         tracks, row = result.tracks, 0
         if tracks is None:
             return
@@ -172,9 +172,9 @@ class Scene:
 
 
 def scenes_of(run: Run) -> Iterator[Scene]:
-    """Yield a scene for each episode under a failure, and for each clean one that is the twin of none.
+    """Yield a scene for each episode under a failure, and for each clean episode that is no other episode's twin.
 
-    Raises `UsageError` where no episode of the run has its trace.
+    Raises `UsageError` when no episode of the run has a trace.
     """
     twins = {id(run.twin(result)) for result in run.episodes}
     chosen = [result for result in run.episodes if id(result) not in twins]
@@ -200,7 +200,7 @@ def scenes_of(run: Run) -> Iterator[Scene]:
 
 
 def _plans(name: str, result: EpisodeResult) -> Iterator[Item]:
-    """Yield the plans of the agent, from where the ego was when it made them."""
+    """Yield the plans of the agent, placed where the ego was when the agent made the plan."""
     tracks, row = result.tracks, 0
     if tracks is None:
         return
@@ -216,7 +216,7 @@ def _plans(name: str, result: EpisodeResult) -> Iterator[Item]:
 
 
 def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:
-    """Yield failures that begin, infractions and the end."""
+    """Yield a note for each beginning of a failure, each infraction and the end of the episode."""
     dt_s, path = result.dt_s, f"{name}/log"
     for span in result.schedule:
         yield span.first_tick * dt_s, path, Note(legible(f"{span.perturbation} begins in {span.signal}"), bad=False)
@@ -227,7 +227,7 @@ def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:
 
 
 def _points(centimetres: list[int]) -> Floats:
-    """Return x, y, x, y, ... (y to the south) as (points, 2) in metres."""
+    """Return centimetres x, y, x, y, ... (y to the south) as (points, 2) in metres (y to the north)."""
     points: Floats = np.array(centimetres, float).reshape(-1, 2) * (0.01, -0.01)
     return points
 
@@ -240,7 +240,7 @@ def _beside(points: Floats, left_m: float) -> Floats:
 
 
 def _across(x_cm: int, y_cm: int, heading_mrad: int, width_cm: int) -> Floats:
-    """Return the ends of a line across a lane."""
+    """Return the ends of a line across a lane, (2, 2) in metres."""
     yaw, half_m = -heading_mrad / 1000.0, width_cm / 200.0
     left = np.array((-np.sin(yaw), np.cos(yaw))) * half_m
     ends: Floats = _points([x_cm, y_cm]) + np.array((left, -left))

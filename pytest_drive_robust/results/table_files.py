@@ -1,4 +1,4 @@
-"""The tables of a run as files, Parquet or CSV: a run may hold millions of ticks, so they are written bit by bit."""
+"""Writes the tables of a run as Parquet or CSV files, in pieces, because a run may hold millions of ticks."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WORDS = ("key", "agent", "setting", "route_id")
 
 
 def write_csv_tables(run: Run, folder: Path) -> Iterator[Path]:
-    """Write each table, of one that holds nothing only the names of its columns; yield the files."""
+    """Write one CSV file per table and yield its path; an empty table has only the column names."""
     for table in TABLES:
         path = folder / f"{table}.csv"
         with whole_file(path) as temporary, temporary.open("w", encoding="utf-8", newline="") as file:
@@ -34,7 +34,7 @@ def write_csv_tables(run: Run, folder: Path) -> Iterator[Path]:
 
 
 def write_parquet_tables(run: Run, folder: Path) -> Iterator[Path]:
-    """As `write_csv_tables`; numbers that are none are nulls."""
+    """Write one Parquet file per table and yield its path; NaN becomes null. Raises `UsageError` without pyarrow."""
     arrow: Any = require("pyarrow", "parquet")
     parquet: Any = require("pyarrow.parquet", "parquet")
     for table in TABLES:
@@ -56,7 +56,7 @@ def write_parquet_tables(run: Run, folder: Path) -> Iterator[Path]:
 
 
 def _pieces(run: Run, table: str) -> Iterator[Columns]:
-    """Yield a table in pieces of some episodes; the small ones, and one without any, in one piece."""
+    """Yield the ticks table in one or more pieces of `_EPISODES_AT_ONCE` episodes, every other table in one piece."""
     if table != "ticks":
         yield columns_of(run, table)
         return
@@ -65,5 +65,5 @@ def _pieces(run: Run, table: str) -> Iterator[Columns]:
 
 
 def _plain(values: Any) -> list[Any]:
-    """Return Python numbers, which are written shortest; None for NaN, which is written as nothing."""
+    """Return the values as Python numbers, which CSV prints shortest; None, an empty cell, for NaN."""
     return [None if value != value else value for value in getattr(values, "tolist", lambda: values)()]

@@ -1,4 +1,4 @@
-"""A run as tidy tables: columns by name, units in the names, a row for each episode, tick, infraction, verdict."""
+"""A run as tidy tables: columns by name, units in the names, one row per episode, tick, infraction or verdict."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _TOLD = {"gps_x_m": "told_x_m", "gps_y_m": "told_y_m", "heading_rad": "told_head
 
 
 def columns_of(run: Run, table: str) -> Columns:
-    """Return a table of a run. Raises `UnknownNameError`."""
+    """Return the columns of a table of a run. Raises `UnknownNameError` for another table."""
     if table not in TABLES:
         raise UnknownNameError.of("table", table, TABLES)
     return TABLES[table](run)
 
 
 def _episodes(run: Run) -> Columns:
-    """Return the columns of `--drive-csv`, then the clean twin, the rest of the result and its other metrics."""
+    """Return the columns of `--drive-csv`, then the clean twin's key and more facts and metrics of the episode."""
     return _from_rows([_episode(run, result) for result in run.episodes], (*COLUMNS, *_MORE))
 
 
@@ -62,7 +62,7 @@ def _episode(run: Run, result: EpisodeResult) -> dict[str, Any]:
 
 
 def _infractions(run: Run) -> Columns:
-    """Return what happened at the end of which tick, counted as in the table of ticks: None where nobody told."""
+    """Return one row per infraction, with its tick as counted in the table of ticks; None when the tick is unknown."""
     rows = [
         {
             **_names(run, result),
@@ -87,7 +87,7 @@ def _requirements(run: Run) -> Columns:
 
 
 def _ticks(run: Run) -> Columns:
-    """Return the ego at the end of each tick, and what the agent was told in it: NaN where it was told nothing."""
+    """Return the ego at the end of each tick, and the values given to the agent in the tick; NaN without any."""
     driven = [result for result in run.episodes if len(result.trace.rows)]
     names = [_names(run, result) for result in driven]
     counts = [len(result.trace.rows) for result in driven]
@@ -125,10 +125,10 @@ def _names(run: Run, result: EpisodeResult) -> dict[str, Any]:
 
 
 def _from_rows(rows: Sequence[Mapping[str, Any]], names: Sequence[str]) -> Columns:
-    """Return rows as columns; half characters, which no file takes, are spelled out."""
+    """Return rows as columns; lone surrogates, which files cannot hold, are spelled out."""
     plain = [[legible(value) if isinstance(value, str) else value for value in map(row.get, names)] for row in rows]
     return {name: [row[place] for row in plain] for place, name in enumerate(names)}
 
 
 TABLES = {"episodes": _episodes, "ticks": _ticks, "infractions": _infractions, "requirements": _requirements}
-"""What makes each table, by its name."""
+"""The function that builds each table, by table name."""

@@ -1,9 +1,9 @@
 """The arithmetic of the gate: closed forms, no resampling, the same numbers in every process.
 
-`gate(clean, perturbed, threshold, margin, alpha)` is all of it on two lists of scores (`score_lists`). Its parts:
-`evidence` turns a requirement into linear forms of one route's scores and reads them, `judges` holds all ways to read
-them, `intervals` says how sure a value is, `resolution` what so many routes can show, `multiple_verdicts` what many
-mean together.
+`gate(clean, perturbed, threshold, margin, alpha)` gives the verdict on two lists of scores (`score_lists`). The parts:
+`evidence` turns a requirement into linear forms of one route's scores, `judges` holds the verdict rules that read the
+forms, `intervals` computes confidence intervals, `resolution` estimates what a number of routes can show, and
+`multiple_verdicts` corrects for many verdicts at once.
 """
 
 from __future__ import annotations

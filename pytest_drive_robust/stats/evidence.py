@@ -2,15 +2,15 @@
 
 A requirement becomes two linear forms of one route's scores (`LinearForms`), read in planned order. `hold` has a mean
 of 0 or more exactly when the requirement holds; `slack` has a mean above 0 exactly when it is missed by less than the
-margin. For RD <= limit these are `P - (1 - limit) * C` and `P - (1 - limit - margin) * C`: linear in the scores, so
-nothing is divided. Both sides of a comparison and every metric that is a mean over routes, or the ratio of two, become
-such a pair, so one judge serves them all.
+margin. For RD <= limit the forms are `P - (1 - limit) * C` and `P - (1 - limit - margin) * C` (P: perturbed score, C:
+clean score); both are linear in the scores, so nothing is divided. Both comparisons, and every metric that is a mean
+over routes or the ratio of two means, become a pair of forms, so one judge serves all requirements.
 
-After every route a betting e-process may decide (alpha / 5; valid however often one looks: Waudby-Smith and Ramdas
-2024, "Estimating means of bounded random variables by betting"). When the routes run out there is one look with Hall's
-skewness-corrected t test (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"). What is rare and
-was not seen yet would make it too sure, so there is one pessimistic pseudo route on the pass side, and a fail must also
-stand against the chance that the routes which make up for the others were the ones that nobody drew (`unseen_p`).
+After every route a betting e-process may decide (alpha / 5; valid after any number of looks: Waudby-Smith and Ramdas
+2024, "Estimating means of bounded random variables by betting"). When the routes run out, Hall's skewness-corrected t
+test takes one last look (alpha * 4 / 5; Hall 1992, "On the removal of skewness by transformation"). Rare routes that
+were not drawn would make that test too sure. So the pass side reads one pessimistic pseudo route more, and a fail must
+also stand against the chance that just the routes which make up for the others were not drawn (`unseen_p`).
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from pytest_drive_robust.stats.quantiles import student_t_chance
 Decision = Literal["pass", "fail", "inconclusive"]
 
 BETS = (0.2, 0.5, 0.9)
-"""The shares of what they own that the three gamblers stake: far from the limit the bold one wins, near it the shy."""
+"""The share of their wealth that the three gamblers stake. The bold wins far from the limit, the shy near the limit."""
 
 EARLY_SHARE = 0.2
 """The share of alpha that betting after every route may spend; the rest is for the last look."""
 
 FEWEST_FOR_T = 20
-"""Fewer two-humped scores have no usable t statistic: then betting alone decides."""
+"""The fewest routes for the t test. Fewer two-humped scores have no usable t statistic: betting alone decides."""
 
 TOP_SCORE = 100.0
 """The highest driving score."""
@@ -41,17 +41,18 @@ TOP_SCORE = 100.0
 _SHY, _FAIR, _BOLD = BETS
 _ROUNDING = 1e-12
 _ERRORS = tuple(0.5 * step for step in range(-8, 6))
-"""How many standard errors the true mean of what was seen lies below the mean seen, from 4 above it."""
+"""Standard errors by which the true mean of the drawn kinds may lie below the mean of the routes drawn (-4 to 2.5)."""
 _MOST_ERRORS = 3.0
-"""So far below it lies as good as never."""
+"""Standard errors below the mean of the routes drawn that the true mean as good as never reaches."""
 _ALL_OF_IT = 1.0 - 1e-9
-"""Below this share a margin leaves something of the range, and not only by rounding: 1 - 0.7 is more than 0.3."""
+"""A margin of this share of the way to the range's end uses all of it. Below 1, as 1 - 0.7 is rounded above 0.3."""
 
 
 class Wealth:
-    """What three gamblers own on average who bet on "the mean of x is above 0", for x >= -1 whose mean is 0 at most.
+    """The mean wealth of three gamblers who bet on "the mean of x is above 0", for values x >= -1.
 
-    `value` is the e-value of the evidence so far: 100 is reached with a chance of 1 in 100 at most.
+    `value` is the e-value of the evidence so far. If the mean of x is 0 at most, `value` reaches 100 with a chance of 1
+    in 100 at most.
     """
 
     __slots__ = ("_owned", "value")
@@ -74,7 +75,7 @@ class Wealth:
 
 
 def share_of(bound: float, x: float) -> float:
-    """Return `x` as a share of `bound`, so that it is -1 at least; with a bound of 0 anything above 0 is proof."""
+    """Return `x` as a share of `bound`, -1 or more; with a `bound` of 0 any `x` above 0 is proof (infinity)."""
     if bound > 0.0:
         return x / bound
     return math.inf if x > 0.0 else x
@@ -83,21 +84,22 @@ def share_of(bound: float, x: float) -> float:
 def mean_below_zero_p(values: Sequence[float], *, scale: float = 1.0) -> float:
     """Return the p-value against "the mean is 0 or more" by Hall's transformed t statistic; small: the mean is below 0.
 
-    For two values or more. Values that are all the same are as good as certain, zeros say nothing (0.5). `scale` is
-    what the values were computed from: less than a billionth of a thousandth of it is rounding, thus 0.
+    Takes two values or more. Equal values are as good as certain; zeros say nothing (0.5). `scale` is the size of the
+    numbers that the values were computed from: a value below 1e-12 of `scale` is rounding and counts as 0.
     """
     sample = _Sample.of(values, scale)
     return sample.below_zero_p(sample.mean)
 
 
 def unseen_p(holds: Sequence[float], most: float, *, scale: float = 1.0) -> float:
-    """Return the p-value against "it holds, by routes of a kind of which none was drawn"; `most` is their hold, > 0.
+    """Return the p-value against "the requirement holds, thanks to a kind of routes that was never drawn".
 
-    If the others have a mean of -s, the requirement holds when a share of s / (most + s) or more is of that kind. Then
-    none of so many routes is with a chance of (most / (most + s)) ** routes, and the others look as bad as they do with
-    the chance that Hall's test gives. The largest product over all s counts. Twenty routes that fail say little about
-    a success rate of 0.05. With much spread or many routes it is what the test gives alone: one route of the best kind
-    then moves the mean by less than half of its standard error.
+    `most` is the hold of an undrawn route, above 0. If the other routes have a mean of -s, the requirement holds when a
+    share of s / (most + s) or more of all routes is of the undrawn kind. The chance that a sample contains none of that
+    kind is (most / (most + s)) ** routes; Hall's test gives the chance that the other routes look as bad as they do.
+    The p-value is the largest product of the two chances over all s. So twenty routes that fail say little about a
+    success rate of 0.05. With much spread or many routes the p-value is that of Hall's test alone: one route of the
+    best kind then moves the mean by less than half of its standard error.
     """
     sample = _Sample.of(holds, scale)
 
@@ -111,28 +113,28 @@ def unseen_p(holds: Sequence[float], most: float, *, scale: float = 1.0) -> floa
 
 
 def last_fail_p(holds: Sequence[float], most: float, *, scale: float = 1.0) -> float:
-    """Return the p-value of the last look against "it holds", of `FEWEST_FOR_T` holds or more; alpha or less: fail.
+    """Return the p-value of the last look against "the requirement holds"; a p-value of alpha or less is a fail.
 
-    Hall's test has what betting leaves of alpha. Routes that nobody drew are weighed with all of it, because betting
-    hardly ever decides where they count. Where the range has no end (`most` is infinite) nobody knows what such routes
-    may be, and where it is 0 there are none.
+    Takes `FEWEST_FOR_T` holds or more. Hall's test spends the alpha that betting leaves. The test of undrawn routes
+    (`unseen_p`) spends all of alpha, because betting hardly ever decides where such routes count; it is left out where
+    the range has no end (`most` is infinite), so that no bound is known, and where `most` is 0.
     """
     p_value = mean_below_zero_p(holds, scale=scale) / (1.0 - EARLY_SHARE)
     return max(p_value, unseen_p(holds, most, scale=scale)) if 0.0 < most < math.inf else p_value
 
 
 def last_pass_p(slacks: Sequence[float], least: float, *, scale: float = 1.0) -> float:
-    """Return the p-value of the last look against "it is missed by the margin or more"; alpha or less: pass.
+    """Return the p-value of the last look against "the limit is missed by the margin or more"; alpha or less is a pass.
 
-    The worst that the range allows, a slack of `-least`, is read as one more route. Without an end it is as far out as
-    the farthest route seen.
+    Reads one pessimistic route more, with the worst slack of the range, `-least`. If the range has no end, that route
+    lies as far out as the farthest route seen.
     """
     worst = least if least < math.inf else max(map(abs, slacks))
     return mean_below_zero_p([*(-slack for slack in slacks), worst], scale=scale) / (1.0 - EARLY_SHARE)
 
 
 class _Sample(NamedTuple):
-    """What Hall's test reads of some values: their mean, its standard error, their spread and skewness."""
+    """The statistics of a sample that Hall's test reads: size, mean, standard error of the mean, spread, skewness."""
 
     size: int
     mean: float
@@ -150,7 +152,7 @@ class _Sample(NamedTuple):
         return cls(count, mean, spread / math.sqrt(count - 1), spread, skew)
 
     def below_zero_p(self, mean: float) -> float:
-        """Return the p-value against "the mean is 0 or more" for these values, moved so that `mean` is theirs."""
+        """Return the p-value against "the mean is 0 or more" for these values, shifted to have the mean `mean`."""
         count, skew = self.size, self.skew
         share = mean / max(self.spread * math.sqrt(count / (count - 1)), 1e-9 * max(abs(mean), 1e-9))
         share = max(-1e6, min(1e6, share))
@@ -160,10 +162,10 @@ class _Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class LinearForms:
-    """`hold = sign * (score - keep * reference - base)`; `slack` the same with the lenient numbers.
+    """The two forms: `hold = sign * (score - keep * reference - base)`, and `slack` with the lenient keep and base.
 
-    `hold` lies in `-floor..most`, `slack` in `-least..` (all three 0 or more, infinity where a range has no end).
-    `relative` forms read a reference score beside every score and say nothing while all references are 0.
+    `hold` lies in `-floor..most`, `slack` in `-least..` (all three are 0 or more, infinite where a range has no end).
+    `relative` forms read a reference score beside every score and decide nothing while all references are 0.
     """
 
     sign: float
@@ -186,7 +188,7 @@ class LinearForms:
 
     @property
     def scale(self) -> float:
-        """The larger end of what `hold` can be that is finite; 1 when neither is."""
+        """The larger finite bound of `hold` (`most` or `floor`); 1 when neither is finite and above 0."""
         return max((bound for bound in (self.most, self.floor) if 0.0 < bound < math.inf), default=1.0)
 
 
@@ -218,12 +220,12 @@ def mean_forms(
 ) -> LinearForms:
     """Return the forms of a mean over routes against `limit`, for values in `low..high`.
 
-    Such are DS (0..100), SR (0..1), comfort and efficiency.
+    For DS (0..100), SR (0..1), comfort and efficiency.
 
-    A range that has no end gives no early verdict on the side that needs it: clipping the values there would move
+    A range without an end gives no early verdict on the side that needs that end: clipping the values there would move
     their mean. `efficiency >= 60` (0 or more, no upper end) can pass early and fails in the last look only.
-    The margin has the unit of the metric. One that would leave the range, where everything passes, is cut to half the
-    way to its end. For differences to a stored run give the limit `-allowed_drop` and the range of the difference.
+    The margin has the unit of the metric. A margin that would leave the range, where everything passes, is cut to half
+    the way to its end. For differences to a stored run give the limit `-allowed_drop` and the range of the difference.
 
     Raises `ValueError` for a limit outside the range, a margin of 0 or less, and another comparison than `"<="` and
     `">="`.
@@ -247,11 +249,11 @@ def _require(comparison: str, margin: float) -> None:
 def fail_p_value(
     forms: LinearForms, scores: Sequence[float], references: Sequence[float] = (), *, ended: bool = True
 ) -> float:
-    """Return the p-value against "the requirement holds", of the routes read so far in order; `alpha` or less: fail.
+    """Return the p-value against "the requirement holds", for the routes read so far in order; alpha or less is a fail.
 
-    The fail side of the evidence verdict as a number: the largest e-value weighs a fifth, the last look the rest. With
-    `ended` False the last look is still to come and only betting counts. Holm's procedure needs smaller values than one
-    verdict does, so read all routes for it instead of stopping at the verdict.
+    The p-value is the fail side of the evidence verdict as a number: the largest e-value may spend a fifth of alpha,
+    the last look the rest. With `ended` False the last look is still to come and only betting counts. Holm's procedure
+    needs smaller p-values than a single verdict, so read all routes for Holm instead of stopping at the verdict.
     """
     if forms.relative and not any(reference > 0.0 for reference in references):
         return 1.0

@@ -1,15 +1,15 @@
 """Two-sided confidence intervals whose unit of analysis is the route: average the seeds of a route first.
 
-Closed forms, so the same values give the same interval; a `confidence` outside 0..1 raises `ValueError`. What rests on
-Student's t (`mean_interval`, `ratio_interval`, `jackknife_interval`) has no spread to learn from with one route: the
-interval is then the whole range of the quantity, `bounds`, and says so instead of looking certain. It reads zero spread
-as certainty: 24 routes with a score of 100 give 100..100. The others do not.
+All intervals are closed forms, so equal values give equal intervals; a `confidence` outside 0..1 raises `ValueError`.
+The intervals by Student's t (`mean_interval`, `ratio_interval`, `jackknife_interval`) cannot estimate a spread from one
+route and then return the whole range of the quantity, `bounds`. Student's t reads zero spread as certainty: 24 routes
+with a score of 100 give 100..100. The other intervals do not.
 
-An interval for a fixed number of routes is too sure when reading stopped because the verdict looked clear. Wealth is
-not: whatever the rule by which the reading stopped, wealth against the truth is 1 / alpha or more with a chance of
-alpha at most. So the thresholds against which betting has not won hold the truth with a chance of 1 - alpha a side
-(`evidence_interval`, `mean_evidence_interval`). Wealth at a threshold grows with the distance to it, so the ends are
-found by bisection.
+An interval for a fixed number of routes is too narrow when reading stopped because the verdict looked clear. Betting
+stays valid: by whatever rule the reading stopped, the wealth of a bet against the truth reaches 1 / alpha with a chance
+of alpha at most. So the thresholds against which betting has not won contain the truth with a chance of 1 - alpha a
+side (`evidence_interval`, `mean_evidence_interval`). The wealth at a threshold grows with the distance to the
+threshold, so bisection finds the ends.
 """
 
 from __future__ import annotations
@@ -47,9 +47,9 @@ def mean_interval(
 def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
     """Return Wilson's score interval of a success rate; `values` are 0..1, one per route.
 
-    It stays open when every route succeeded or failed: 24 of 24 give 0.86..1.00. For routes with several seeds, whose
-    values lie between 0 and 1, it is wider than needed. Source: Wilson 1927, "Probable inference, the law of
-    succession, and statistical inference". Raises `ComparisonError` for no value.
+    The interval keeps a width when every route succeeded or failed: 24 of 24 give 0.86..1.00. For routes with several
+    seeds, whose values lie between 0 and 1, the interval is wider than needed. Source: Wilson 1927, "Probable
+    inference, the law of succession, and statistical inference". Raises `ComparisonError` for no value.
     """
     count = _require_values(values)
     share = fsum(values) / count
@@ -63,12 +63,13 @@ def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[f
 def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
     """Return Fieller's interval of RD = 1 - mean(perturbed) / mean(clean), paired: one value per route, same order.
 
-    It holds every threshold that the paired t test on `P - (1 - threshold) * C` does not reject; that statistic is
-    linear, so nothing is divided. Contains the RD of the means and never exceeds 1, because scores are not negative.
+    The interval holds every threshold that the paired t test on `P - (1 - threshold) * C` does not reject; that
+    statistic is linear, so nothing is divided. Contains the RD of the means and never exceeds 1, because scores are not
+    negative.
 
-    One route gives (-inf, 1). So does a clean mean that cannot be told from 0 at this confidence: then the test
-    rejects thresholds on one side only or none at all, and RD may be anything. Equal lists give (0, 0): nothing
-    changed, however few routes. Source: Fieller 1954, "Some problems in interval estimation".
+    One route gives (-inf, 1). A clean mean that cannot be told from 0 at this confidence also gives (-inf, 1), because
+    the test then rejects thresholds on one side only or none at all. Equal lists give (0, 0) for any number of routes.
+    Source: Fieller 1954, "Some problems in interval estimation".
 
     Raises `ComparisonError` for no route, for lists of different length and for a clean mean of 0.
     """
@@ -130,12 +131,12 @@ def evidence_interval(
     `alpha` is for each side. Scores are 0..100, one per route. Contains the RD of the means, ends at 1 at most,
     is wider for a smaller alpha, and does not depend on the order. The lower end may be far below 0 after a few pairs.
 
-    `ended` says that the planned routes ran out, so the gate took its last look. The ends then are where the gate
-    itself would turn when it judges by `comparison`: of `RD <= limit` a fail has `limit <= low` and a pass
-    `high <= limit + margin`, of `RD >= limit` a fail has `high <= limit` and a pass `limit - margin <= low` (early
-    verdicts have that anyway). Either kind misses the truth at most `alpha` of the time on each side. Choosing the kind
-    by how the run ended, as a report does, could double that at worst; in the study of `tests/calibration/` it stays
-    below alpha.
+    `ended` says that the planned routes ran out, so that the gate took its last look. The ends are then the limits at
+    which the gate changes its verdict by `comparison`: for `RD <= limit` a fail has `limit <= low` and a pass
+    `high <= limit + margin`; for `RD >= limit` a fail has `high <= limit` and a pass `limit - margin <= low` (early
+    verdicts have these relations with either `ended`). Either interval misses the truth at most `alpha` of the time on
+    each side. A report sets `ended` by how the run ended, which could double that at worst; in the study of
+    `tests/calibration/` the misses stay below alpha.
 
     Raises `ComparisonError` for lists that do not pair, no pair, and a clean mean of 0.
     """
@@ -172,8 +173,7 @@ def mean_evidence_interval(
     """Return the interval of a mean over routes of values in `low..high`: SR (0..1), DS and comfort (0..100).
 
     `alpha`, `ended` and `comparison` are those of `evidence_interval`. An end of the range may be infinite (efficiency
-    has no upper end): the end of the interval that would need it, the upper one, is then infinite too until the last
-    look.
+    has no upper end); that end of the interval is then infinite until the last look.
 
     Raises `ComparisonError` for no value and for one outside the range.
     """
@@ -216,14 +216,14 @@ _LastLook = Literal["fail", "pass"]
 
 
 def _last_look(ended: bool, *, is_fail: bool) -> _LastLook | None:
-    """Return what the gate looks for at an end of the interval when the routes have run out, None before."""
+    """Return which verdict the last look tests at an end of the interval, or None before the routes ran out."""
     if not ended:
         return None
     return "fail" if is_fail else "pass"
 
 
 def _rejects(gains: Sequence[float], worst: float, alpha: float, last_look: _LastLook | None) -> bool:
-    """Return whether "the mean of the gains is 0 at most" is given up; no gain is below `-worst`."""
+    """Return whether the gains reject "their mean is 0 at most" at `alpha`; no gain is below `-worst`."""
     if not worst > 0.0:
         return any(gain > 0.0 for gain in gains)
     if _wealth(gains, worst) * alpha * (EARLY_SHARE if last_look else 1.0) >= 1.0:
@@ -237,13 +237,13 @@ def _rejects(gains: Sequence[float], worst: float, alpha: float, last_look: _Las
 
 
 def _wealth(gains: Sequence[float], worst: float) -> float:
-    """Return what `evidence.Wealth` comes to: a bisection asks often, so without its steps."""
+    """Return the final value of `evidence.Wealth` after `gains`; without its steps, because a bisection asks often."""
     shares = [max(-1.0, gain / worst) for gain in gains]
     return fsum(math.prod([1.0 + bet * share for share in shares]) for bet in BETS) / len(BETS)
 
 
 def _turning_point(inside: float, end: float, rejects: Callable[[float], bool]) -> float:
-    """Return where `rejects` turns between `inside`, never rejected, and `end`; `end` when it does not turn."""
+    """Return where `rejects` changes between `inside`, never rejected, and `end`; return `end` if it never changes."""
     outside = end
     if math.isinf(end):
         step = math.copysign(1.0 / 64.0, end) * max(1.0, abs(inside))

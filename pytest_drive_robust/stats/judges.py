@@ -1,4 +1,4 @@
-"""The three ways to a verdict, behind one face: read route by route in planned order, stop as soon as one is in.
+"""The judges of the three verdict rules: each reads routes in planned order and stops when the verdict is reached.
 
 `read_until_decided` reads a requirement for a run.
 
@@ -34,28 +34,28 @@ from pytest_drive_robust.stats.evidence import (
 _NAMES = ("evidence", "list", "point")
 
 _ROUNDING = 1e-9
-"""A sum of holds this close to 0, per route and as a share of the range, is 0: equal to the limit passes."""
+"""A sum of holds this close to 0, per route and as a share of the range, counts as 0: equal to the limit passes."""
 
 _USUAL_DISTANCE = 0.2
-"""How far from its limit a value lies as a rule, as a share of the metric's range."""
+"""The usual distance of a value from its limit, as a share of the metric's range."""
 
 _USUAL_REFERENCE = 0.85
-"""The reference of a relative form as a rule, as a share of the top score."""
+"""The usual reference of a relative form, as a share of the top score."""
 
 _USUAL_WEIGHT = 4.0
-"""How many read routes say as much about the pace of the evidence as the usual distance does."""
+"""The weight of the usual distance in the pace of the evidence, in routes read."""
 
 
 class Judge(ABC):
-    """Reads one route after the other; the same reads give the same verdict.
+    """Reads routes one by one; equal scores in equal order give the same verdict.
 
-    `decision` is None while there is none, `routes` says how many routes it rests on. `against` and `within` hold the
-    e-values of the two sides, `needed_for_fail` and `needed` decide. While every reference is 0 there is nothing to
-    compare with: nothing is decided then, and at the end that is inconclusive.
+    `decision` is the verdict, None before it is reached; `routes` counts the routes read. `against` holds the e-value
+    of a fail and must reach `needed_for_fail`; `within` holds the e-value of a pass and must reach `needed`. While
+    every reference is 0 there is nothing to compare with: the judge decides nothing, and `close` is inconclusive.
 
-    With a `floor` reading does not stop at a pass before it is shown on which side of it the mean reference lies, by
-    betting again (`above_floor`, `below_floor`, `needed_for_floor`). What a pass is worth there is for the caller to
-    say, who compares the mean of the routes read with the floor.
+    `floor` is a floor of the mean reference. With a floor, reading stops at a pass only when betting has also shown on
+    which side of the floor the mean reference lies (`above_floor`, `below_floor`, `needed_for_floor`). The caller
+    compares the mean reference of the routes read with the floor and decides what a pass is worth.
     """
 
     needed = needed_for_fail = needed_for_floor = math.inf
@@ -73,7 +73,7 @@ class Judge(ABC):
         self._compares = not forms.relative
 
     def read(self, score: float, reference: float = 0.0) -> Decision | None:
-        """Read one more route; return the verdict as soon as there is one. Later routes change nothing any more.
+        """Read one more route and return the verdict, or None before it is reached. Ignores routes after the verdict.
 
         Raises `ComparisonError` for a score that the metric cannot have.
         """
@@ -92,7 +92,7 @@ class Judge(ABC):
         return self.decision
 
     def close(self) -> Decision:
-        """Return the verdict when there are no more routes. Raises `ComparisonError` when none was read."""
+        """End the reading and return the verdict. Raises `ComparisonError` when no route was read."""
         if self.routes == 0:
             raise ComparisonError("there is no pair to judge. Expected one clean and one perturbed score per route.")
         if self.decision is None:
@@ -100,7 +100,7 @@ class Judge(ABC):
         return self.decision
 
     def likely_left(self, planned: int) -> int:
-        """Return about how many more of the `planned` routes are read if the evidence grows at the pace so far.
+        """Estimate how many more of the `planned` routes are read if the evidence grows at the pace so far.
 
         For schedules and displays.
         """
@@ -126,26 +126,27 @@ class Judge(ABC):
         self._bet_on_references(reference, self.floor)
 
     def _bet_on_references(self, reference: float, due: float) -> None:
-        """Bet on both sides of `due`, which the mean reference must be for it to sit exactly on the floor."""
+        """Bet on both sides of `due`, the value of a reference at which the mean reference equals the floor."""
         top = _top_reference(self.forms)
         self.above_floor.bet(_stake(reference - due, due, _ROUNDING * top))
         self.below_floor.bet(_stake(due - reference, top - due, _ROUNDING * top))
 
     @abstractmethod
     def _look(self, hold: float, slack: float) -> Decision | None:
-        """Return the verdict after one more route, None while there is none."""
+        """Return the verdict after one more route, or None before it is reached."""
 
     @abstractmethod
     def _at_end(self) -> Decision:
-        """Return the verdict of all routes, where there was something to compare with and no verdict before."""
+        """Return the verdict at the end of the routes, if none was reached before and there is data to compare with."""
 
 
 class EvidenceJudge(Judge):
-    """Routes and seeds are a sample: betting on the two linear forms after every route, Hall's t test at the end.
+    """Judges routes and seeds as a sample: bets on both linear forms after every route, takes Hall's t test at the end.
 
-    `alpha` bounds the chance of a wrong fail, and that of a wrong pass. With a `fail_alpha` below it a fail takes more;
-    what would be a fail at `alpha` only is then inconclusive. A side whose range has no end waits for the last look; on
-    one where the other sign is impossible a single route is proof. Raises `ValueError` for an alpha outside 0..0.5.
+    `alpha` bounds the chance of a wrong fail, and the chance of a wrong pass. A `fail_alpha` below `alpha` makes a fail
+    stricter; a fail at `alpha` that is none at `fail_alpha` is inconclusive. A side whose range has no end waits for
+    the last look. On a side where the other sign is impossible, one route is proof. Raises `ValueError` for an `alpha`
+    outside 0..0.5 and a `fail_alpha` outside 0..`alpha`.
     """
 
     def __init__(
@@ -172,7 +173,7 @@ class EvidenceJudge(Judge):
         return "pass" if within >= self.needed and self._may_pass else None
 
     def _at_end(self) -> Decision:
-        if self.within.value >= self.needed:  # it only waited for the floor
+        if self.within.value >= self.needed:  # the pass was shown earlier and only waited for the floor
             return "pass"
         if self.routes < FEWEST_FOR_T:
             return "inconclusive"
@@ -184,25 +185,25 @@ class EvidenceJudge(Judge):
 
 
 class PointJudge(Judge):
-    """The plain comparison of all routes: red half of the time when the agent sits exactly on the limit."""
+    """Compares the value over all routes with the limit; fails half of the time for an agent exactly on the limit."""
 
     def _look(self, hold: float, slack: float) -> None:
         return None
 
     def _at_end(self) -> Decision:
-        """Pass when the mean meets the limit, and when it is equal to it."""
+        """Return a pass when the mean meets the limit or equals the limit."""
         return _sign_of(math.fsum(self._holds), self.routes, self.forms)
 
 
 class ListJudge(Judge):
-    """The `planned` routes and seeds are all there is: the verdict is that of the full list.
+    """Judges exactly the `planned` routes and seeds: the verdict is that of the full list.
 
-    Betting without replacement stops early: if the full list passes, the routes that are left must make up for those
-    read, so their mean is known to be `-sum / left` at least, and the gamblers bet against that (Waudby-Smith and
-    Ramdas 2020, "Confidence sequences for sampling without replacement"). It disagrees with the full list at most
-    `alpha` of the time over the shuffles of the planned order, and never when all were read or when the routes left
-    could not turn it. Until the whole list was read, an end is inconclusive. Of a list without a route nothing can be
-    read: `ComparisonError`.
+    Betting without replacement stops early: if the full list passes, the routes left must make up for the routes read,
+    so the mean of the routes left is `-sum / left` at least, and the gamblers bet against that (Waudby-Smith and Ramdas
+    2020, "Confidence sequences for sampling without replacement"). The early verdict differs from the verdict of the
+    full list at most `alpha` of the time over all orders of the list, and never when all routes were read or the routes
+    left cannot change the verdict. `close` before the end of the list is inconclusive. Raises `ComparisonError` for
+    more routes than `planned`.
     """
 
     def __init__(self, forms: LinearForms, *, planned: int, alpha: float = 0.05, floor: float = 0.0) -> None:
@@ -238,7 +239,7 @@ class ListJudge(Judge):
         self._references += reference
 
     def _bet(self, hold: float, due: float) -> None:
-        """Bet; `due` is what the routes left must average for the list to sit exactly on the limit."""
+        """Bet on both sides of `due`, the mean hold of the routes left at which the list sits exactly on the limit."""
         nothing = _ROUNDING * self.forms.scale
         self.against.bet(_stake(due - hold, self.forms.most - due, nothing))
         self.within.bet(_stake(hold - due, self.forms.floor + due, nothing))
@@ -253,11 +254,11 @@ def judge_by(
     fail_alpha: float | None = None,
     floor: float = 0.0,
 ) -> Judge:
-    """Return the judge of that name for `planned` routes; only evidence knows a `fail_alpha` of its own.
+    """Return the judge of the rule `kind` for `planned` routes; only the rule `"evidence"` reads `fail_alpha`.
 
-    `floor` is that of the mean reference of relative forms: see `Judge`.
+    `floor` is the floor of the mean reference of relative forms, see `Judge`.
 
-    Raises `ValueError` for another name.
+    Raises `ValueError` for another `kind`.
     """
     if kind == "evidence":
         return EvidenceJudge(forms, alpha=alpha, fail_alpha=fail_alpha, floor=floor)
@@ -269,11 +270,11 @@ def judge_by(
 
 
 def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None]) -> tuple[Decision, int]:
-    """Return the verdict of a fresh `judge` and how many routes were taken from `scores`; none after the verdict.
+    """Read `scores` with a fresh `judge` until the verdict; return the verdict and how many routes were taken.
 
-    `scores` gives (score, reference) for each of the planned routes in their order, None for a route without data:
-    it is counted but not read. A list that turns out shorter than planned is judged by its value. Where no route has
-    data that is inconclusive: whoever knows the metric says that there is no value.
+    `scores` gives (score, reference) for each planned route in planned order, or None for a route without data, which
+    is counted but not read. A list with fewer routes than planned is judged by its value. When no route has data, the
+    verdict is inconclusive; the caller reports that the metric has no value.
     """
     read: list[tuple[float, float]] = []
     taken = 0
@@ -296,7 +297,7 @@ def _require_alpha(alpha: float) -> None:
 
 
 def _usual_routes(forms: LinearForms, needed: float) -> float:
-    """Return after how many routes the boldest gambler owns enough if all of them lie at the usual distance."""
+    """Return after how many routes the boldest gambler reaches `needed` if every route lies at the usual distance."""
     if forms.least <= 0.0:
         return 1.0
     if math.isinf(forms.least):
@@ -319,7 +320,7 @@ def _top_reference(forms: LinearForms) -> float:
 
 
 def _share(wealth: Wealth, needed: float) -> float:
-    """Return how far `wealth` has come towards `needed`, on the scale on which equal evidence adds up; 0..1."""
+    """Return the progress of `wealth` towards `needed`, 0..1, on a log scale, where equal evidence adds up."""
     return min(1.0, max(0.0, math.log(max(wealth.value, 1.0)) / math.log(needed)))
 
 
@@ -332,7 +333,7 @@ def _slop(routes: int, forms: LinearForms) -> float:
 
 
 def _stake(gain: float, worst: float, nothing: float) -> float:
-    """Return `gain` as a share of the worst loss; where there is nothing to lose, any gain is proof."""
+    """Return `gain` as a share of the worst loss; when nothing can be lost, any gain is proof (infinity)."""
     if worst > nothing:
         return max(-1.0, gain / worst)
     return math.inf if gain > nothing else 0.0

@@ -1,12 +1,12 @@
-"""What several verdicts mean together.
+"""Corrects for several verdicts in one run.
 
-"All requirements hold" needs no correction: it is wrong at most alpha of the time, because one wrong pass is already
-that rare. "Something failed" is wrong more often the more requirements sit exactly at their limits: `any_wrong` is the
-worst case, Holm's procedure bounds it.
+"All requirements hold" needs no correction: this statement is wrong at most alpha of the time, because one wrong pass
+is already that rare. "Something failed" is wrong more often the more requirements sit exactly at their limits:
+`any_wrong` computes the worst case, and Holm's procedure bounds it.
 
-Holm needs all p-values and a test its verdict at once. So among `family` requirements a verdict is a fail at once when
-its p-value is alpha / family at most, Holm's strictest step, which nothing can take back; others wait as inconclusive,
-and `late_fails` says at the end which of these Holm rejects too.
+Holm's procedure needs all p-values, but a test needs its verdict at once. So among `family` requirements a verdict is a
+fail at once when its p-value is alpha / family at most, Holm's strictest step, which later p-values cannot revoke.
+Other verdicts wait as inconclusive, and `late_fails` returns at the end the waiting verdicts that Holm rejects too.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def holm(p_values: Sequence[float], alpha: float = 0.05) -> tuple[bool, ...]:
 def late_fails(
     verdicts: Sequence[str], p_values: Sequence[float], *, family: int, alpha: float = 0.05
 ) -> tuple[int, ...]:
-    """Return the places of the inconclusive verdicts that Holm's procedure makes fails, once all are known.
+    """Return the places of the inconclusive verdicts that Holm's procedure makes fails, once all verdicts are known.
 
-    Fewer p-values than `family` are filled up with 1: what was not judged rejects nothing. A pass counts as 1 too.
+    Missing p-values are filled up to `family` with 1: an unjudged requirement rejects nothing. A pass counts as 1 too.
 
     >>> late_fails(["fail", "inconclusive", "inconclusive", "pass"], [0.001, 0.016, 0.04, 0.7], family=4)
     (1,)

@@ -1,4 +1,4 @@
-"""What so many routes can show, before anything is driven: one formula, SE(RD) = noise / sqrt(routes).
+"""Estimates before the drive what a number of routes can show, by one formula: SE(RD) = noise / sqrt(routes).
 
 `noise` is k = sd(D) / mean(clean): 0.25 to 0.35 for an agent that drives well, 0.35 to 0.5 for others. For a plain mean
 (DS, SR) the same formulas hold with the standard deviation of the metric over routes as noise and its unit as margin.
@@ -14,12 +14,12 @@ from pytest_drive_robust.stats.evidence import BETS, EARLY_SHARE, FEWEST_FOR_T
 from pytest_drive_robust.stats.quantiles import normal_quantile
 
 USUAL_NOISE = 0.45
-"""The noise of RD for an agent that we know nothing about."""
+"""The noise of RD for an unknown agent."""
 
 _POWER = 0.90
-"""The probability with which a gate catches a violation of the size that is told."""
+"""The probability with which a gate catches a violation of the size that `resolution` returns."""
 _RANGE_PER_MEAN = 2.0
-"""The top score as a multiple of the mean clean score: 2 for an agent at half of it."""
+"""The top score as a multiple of the mean clean score: 2 for an agent at half of the top score."""
 _COARSE = 0.30
 _WANTED = 100
 _ACCEPTED = 50
@@ -27,18 +27,18 @@ _ACCEPTED = 50
 
 @dataclass(frozen=True, slots=True)
 class Advice:
-    """Whether so many routes can carry a margin: `"fine"`, `"warn"`, `"refuse"`; `text` is empty when fine."""
+    """Advice on whether the planned routes can carry a margin; `text` is empty when `level` is `"fine"`."""
 
     level: Literal["fine", "warn", "refuse"]
     text: str
 
 
 def told_apart(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> float:
-    """Return how far from each other two values must be for `routes` pairs to tell them apart by their spread.
+    """Return how far apart two values must be for `routes` pairs to tell them apart by their spread.
 
-    Fewer than 20 routes are judged by betting alone: even if all of them lose the same, the gamblers must multiply what
-    they own in so few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1
-    for RD and SR, 100 for DS). The answer may lie beyond it: then no such values are ever told apart.
+    Fewer than 20 routes are judged by betting alone: even if all routes lose equally, the gamblers must multiply their
+    wealth in few steps, each a share of the range of a score. `scale` is that range in the unit of the metric (1 for RD
+    and SR, 100 for DS). A result beyond `scale` means that no two values are ever told apart.
 
     Raises `ValueError` for no route.
     """
@@ -54,7 +54,7 @@ def told_apart(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, 
 def resolution(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> float:
     """Return the smallest violation that a gate on `routes` pairs catches with a probability of 90 %.
 
-    That is what the routes tell apart, and for 20 to some 45 of them more: a fail must stand against the chance that
+    The result is that of `told_apart`, and larger for 20 to some 45 routes: a fail must stand against the chance that
     the routes which would make up for the others were not drawn (`evidence.unseen_p`).
 
     >>> round(resolution(50), 2)
@@ -72,7 +72,7 @@ def resolution(routes: int, noise: float = USUAL_NOISE, *, alpha: float = 0.05, 
 
 
 def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0.05, scale: float = 1.0) -> int:
-    """Return how many routes catch a violation of `margin` with a probability of 90 %; 20 at least.
+    """Return how many routes, 20 or more, catch a violation of `margin` with a probability of 90 %.
 
     >>> routes_needed(0.10)
     187
@@ -91,10 +91,10 @@ def routes_needed(margin: float, noise: float = USUAL_NOISE, *, alpha: float = 0
 def advise(
     routes: int, margin: float, noise: float = USUAL_NOISE, *, what: str = "RD", scale: float = 1.0, alpha: float = 0.05
 ) -> Advice:
-    """Return the words for the collection of a gate on `routes` routes with this margin.
+    """Return the advice, shown at collection, on a gate with `routes` routes and this margin.
 
-    Refused: fewer than 20 routes, unless the margin is 0.30 of the `scale` (the metric's range: 1 for RD and SR, 100
-    for DS) or more. Warned: a margin finer than the resolution, fewer than 50 routes.
+    Refuses fewer than 20 routes, unless the margin is 0.30 or more of `scale` (the metric's range: 1 for RD and SR, 100
+    for DS). Warns of a margin finer than the resolution and of fewer than 50 routes.
     """
     finest = resolution(routes, noise, alpha=alpha, scale=scale)
     needed = routes_needed(margin, noise, alpha=alpha, scale=scale)
@@ -116,5 +116,5 @@ def advise(
 
 
 def _distance(alpha: float) -> float:
-    """Return how many standard errors from the limit a value must be for the last look to find it (`_POWER` often)."""
+    """Return the distance from the limit, in standard errors, that the last look finds with a chance of `_POWER`."""
     return normal_quantile(1.0 - (1.0 - EARLY_SHARE) * alpha) + normal_quantile(_POWER)

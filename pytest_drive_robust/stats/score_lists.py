@@ -11,7 +11,7 @@ from pytest_drive_robust.stats.judges import EvidenceJudge
 
 
 class GateVerdict(NamedTuple):
-    """The verdict and how many pairs it took."""
+    """The verdict of `gate` and the number of pairs read for it."""
 
     verdict: Decision
     pairs: int
@@ -23,9 +23,9 @@ def gate(
     """Judge whether RD = 1 - mean(perturbed) / mean(clean) is at most `threshold`, on driving scores 0..100 per route.
 
     `clean` and `perturbed` give one score per route each, in planned order; average the seeds of a route first.
-    "fail": RD exceeds the threshold; "pass": it stays below threshold + margin; each wrong at most `alpha` of the time.
-    Fewer than 20 routes are judged by betting alone. A clean score of 0 throughout is inconclusive. The lists may be
-    two runs of one setting as well, so there is no floor of the clean score: that is for the caller (`VerdictRule`).
+    "fail": RD exceeds `threshold`; "pass": RD stays below threshold + margin; each is wrong at most `alpha` of the
+    time. Fewer than 20 routes are judged by betting alone. A clean score of 0 on all routes is inconclusive. The lists
+    may also be two runs of one setting, so `gate` has no floor of the clean score: the caller has one (`VerdictRule`).
 
     >>> gate([90.0] * 30, [88.0] * 30, threshold=0.30)
     GateVerdict(verdict='pass', pairs=14)
@@ -36,7 +36,7 @@ def gate(
     threshold, margin or alpha that leaves nothing to decide.
     """
     judge = EvidenceJudge(degradation_forms(threshold, margin), alpha=alpha)
-    for before, after in list(_pairs(clean, perturbed)):  # all of them: those behind the stop must pair, too
+    for before, after in list(_pairs(clean, perturbed)):  # a list, so that pairs after the verdict are checked too
         if judge.read(after, before) is not None:
             break
     return GateVerdict(judge.close(), judge.routes)

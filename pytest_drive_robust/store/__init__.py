@@ -1,8 +1,9 @@
-"""Where finished episodes live: in memory, or in a folder that processes and runs share.
+"""Stores of finished episodes: in memory, or in a folder that processes and runs share.
 
-`base` says what a run needs of a store, `opening` opens the one that it was given, `reuse` says which episodes count
-again. `folder` keeps that promise with one checksummed file for each episode: `record` is its content,
-`episode_fields` the facts in it, `packing` its tables, `track_bytes` its tracks, `record_files` the files, `claims` who
-drives what. `index` and `maintenance` look after a folder. `events` are what happens in a run, `journal` is how
-processes tell each other of it. `whole_file` writes every file of ours.
+`base` defines the interface of a store, `opening` opens the store that the run options name, and `reuse` says which
+stored episodes later runs may use. `folder` is the store on disk, with one checksummed file per episode: `record` is
+the content of a file, `episode_fields` its facts, `packing` its tables, `track_bytes` its tracks, `record_files` reads
+and writes the files, and `claims` locks the episodes that are being driven. `index` and `maintenance` list and clean a
+folder. `events` defines what happens in a run; `journal` passes events between processes. `whole_file` writes all
+files of this package.
 """

@@ -1,4 +1,4 @@
-"""What a run needs of the place where its finished episodes live."""
+"""The interface of an episode store, and the store in memory."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.store.claims import Claim
 
 Find = Callable[[str], "EpisodeResult | None"]
-"""Gives the finished episode of a key, None where there is none: a store's `get`, say."""
+"""Returns the finished episode of a key, or None when there is none, for example the `get` of a store."""
 
 
 class EpisodeStore(Protocol):
-    """Finished episodes by key, and who drives which missing one."""
+    """Keeps finished episodes by key, and says which process drives a missing episode."""
 
     def get(self, key: str) -> EpisodeResult | None:
         """Return the finished episode, or None when it must be driven. Never raises."""
 
     def put(self, key: str, result: EpisodeResult) -> None:
-        """Keep a finished episode: from now on `get` finds it here, whatever the disk does. Never raises."""
+        """Keep a finished episode. From now on `get` of this store returns it, even if the disk fails. Never raises."""
 
     def claim(self, key: str) -> Claim | None:
         """Return the right to drive an episode, or None when a living process drives it already. Never waits.
 
-        Ask `get` once more under the claim: its last holder may have finished the episode meanwhile. Put the result
-        before you release the claim. The claims of a dead process are free at once.
+        Call `get` once more after you have the claim: another process may have finished the episode meanwhile. Put the
+        result before you release the claim. The claims of a dead process are free at once.
         """
 
     def problems(self) -> tuple[str, ...]:
-        """Return what went wrong with the place itself, one sentence each, every one once."""
+        """Return the problems of the store itself, one sentence for each; no sentence occurs twice."""
 
 
 class MemoryStore:
@@ -47,9 +47,9 @@ class MemoryStore:
         self._results[key] = result
 
     def claim(self, key: str) -> Claim:
-        """Return the claim: nobody else is there."""
+        """Return the claim; never None, because no other process shares this store."""
         return Claim()
 
     def problems(self) -> tuple[str, ...]:
-        """Return nothing."""
+        """Return an empty tuple: memory has no problems."""
         return ()

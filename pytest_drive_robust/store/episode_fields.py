@@ -1,4 +1,4 @@
-"""An episode as plain JSON types and back: every fact of it but its tables of one number a tick."""
+"""Converts an episode to plain JSON types and back, without its tables: trace, given observations and tracks."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, 
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch, Trace
 
 NO_TICKS = Trace(np.zeros((0, len(Trace.COLUMNS))))
-"""The trace of an episode of which only the facts are known."""
+"""The empty trace of an episode whose ticks are not known."""
 _TABLES = frozenset({"trace", "given", "tracks"})
 _LARGEST = sys.float_info.max
 
 
 def plain(value: Any) -> Any:
-    """Return plain JSON types: enumerations by value, numpy scalars as Python numbers (simulators compute with numpy).
+    """Convert `value` to plain JSON types: dataclasses to objects, enumerations to their values.
 
-    Dataclasses become objects.
+    Numpy scalars become Python numbers, because simulators compute with numpy.
     """
     if is_dataclass(value):
         return {item.name: plain(getattr(value, item.name)) for item in fields(value)}
@@ -38,15 +38,19 @@ def plain(value: Any) -> Any:
 
 
 def fields_of(result: EpisodeResult) -> dict[str, Any]:
-    """Return an episode as files tell it; of its trajectory only the digest."""
+    """Return the fields of an episode as reports and records write them; the trace is replaced by its digest."""
     facts = [item.name for item in fields(result) if item.name not in {"episode", *_TABLES}]
     told = {name: plain(getattr(result, name)) for name in facts}
     return {**plain(result.episode), **told, "trace_digest": result.trace.digest}
 
 
 def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult:
-    """Return the inverse. Raises `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields."""
-    if told["route_completion_pct"] is None and told["outcome"] == Outcome.INFRA_ERROR.value:  # not told in a report
+    """Return the episode result of the fields that `fields_of` wrote, with the given `trace`.
+
+    Raises `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields.
+    """
+    # A report leaves out the route completion of an `infra_error`.
+    if told["route_completion_pct"] is None and told["outcome"] == Outcome.INFRA_ERROR.value:
         told = {**told, "route_completion_pct": 0.0}
     episode = Episode(_text(told["agent"]), _text(told["route_id"]), _text(told["setting"]), _whole(told["seed"]))
     facts = {name: read(told[name]) for name, read in _FACTS.items() if name in told or name not in _LATER}
@@ -54,10 +58,10 @@ def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult
 
 
 def unstorable(name: str, value: object) -> str | None:
-    """Return why no record takes `value` as the field `name` of an episode, None where one does."""
+    """Return why a record cannot hold `value` as the field `name` of an episode, or None when it can."""
     try:
         _FACTS[name](plain(value))
-    except Exception as error:  # whatever a world calls a number
+    except Exception as error:  # a simulator may return numbers of any type
         return f"{name}: {error}"
     return None
 
@@ -131,4 +135,4 @@ _FACTS: Mapping[str, Callable[[Any], Any]] = {
     "reception": lambda told: None if told is None else _reception(told),
 }
 _LATER = ("inference_s", "reception")
-"""What some files leave out."""
+"""The fields that a file may leave out."""

@@ -1,6 +1,6 @@
-"""What happens during a run, as small frozen facts: the one stream that progress and reports read.
+"""Events of a run, as small frozen dataclasses: progress display and reports read this one stream.
 
-One process hands them over directly; workers append them to a `journal` that the controller reads.
+A run in one process passes events directly; xdist workers append events to a `journal` that the controller reads.
 """
 
 from __future__ import annotations
@@ -14,31 +14,31 @@ _KINDS: dict[str, type[Any]] = {}
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One of the facts below, which a line of a journal calls by the name of its class."""
+    """Base of all events. A line of a journal names the event by its class name."""
 
     def __init_subclass__(cls) -> None:
-        _KINDS[cls.__name__] = cls  # slots make a second class, which stays
+        _KINDS[cls.__name__] = cls  # `slots=True` creates a second class, which replaces the first here
 
 
 @dataclass(frozen=True, slots=True)
 class Planned(Event):
-    """The episodes (by key) that the selected tests are known to need. May repeat: keys count once."""
+    """The selected tests need these episodes (by key). A key that occurs in several events counts once."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Advised(Event):
-    """What the selected tests cannot show or do not judge, known before anything is driven; sentences."""
+    """Sentences that say, before any episode is driven, what the selected tests cannot show or do not judge."""
 
     sentences: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class NamesRegistered(Event):
-    """These plugins register names of their own, in the words that `drive-robust -p` takes.
+    """These plugins register their own names; each plugin is written as `drive-robust -p` takes it.
 
-    Known after collection only: a `conftest.py` below the root folder is read with the tests beside it.
+    Sent after collection, because pytest reads a `conftest.py` below the root folder only with the tests beside it.
     """
 
     plugins: tuple[str, ...]
@@ -46,10 +46,10 @@ class NamesRegistered(Event):
 
 @dataclass(frozen=True, slots=True)
 class Identified(Event):
-    """What `agent` and the routes of a scope are made of, so that another run can tell whether it used the same.
+    """Digests of `agent` and the routes of a scope, which tell whether another run used the same agent and routes.
 
-    `distribution` is `"some-agents 1.2"`, `source` and `weights` are digests; each is empty when it is not known.
-    `routes` are `"id=digest"`, one for each route of the scope.
+    `distribution` is for example `"some-agents 1.2"`; `source` and `weights` are digests. Each of the three is empty
+    when unknown. `routes` holds `"id=digest"` for each route of the scope.
     """
 
     agent: str
@@ -63,7 +63,7 @@ class Identified(Event):
 class EpisodesNeeded(Event):
     """A test needs these episodes (by key): one agent under one setting over routes x seeds.
 
-    `clean_keys` are their clean twins, empty when nobody asked to compare.
+    `clean_keys` are their clean twins; empty when the test compares with nothing.
     """
 
     agent: str
@@ -78,9 +78,8 @@ class EpisodesNeeded(Event):
 class VerdictPlanned(Event):
     """A selected test will read these episodes (by key), and may stop early unless `rule` is `"point"`.
 
-    `likely` is how many routes it probably takes, as far as one can tell before anything was read.
-    `keys` stand in the order of reading.
-    `clean_keys` are their clean twins under the setting `clean`, empty when the verdict compares with nothing.
+    `likely` estimates how many routes the test will read, before the first route is read. `keys` stand in the order of
+    reading. `clean_keys` are the clean twins under the setting `clean`; empty when the verdict compares with nothing.
     """
 
     requirement: str
@@ -97,7 +96,7 @@ class VerdictPlanned(Event):
 
 @dataclass(frozen=True, slots=True)
 class RoutesRead(Event):
-    """So many routes were read for a verdict, which probably takes `likely` of them in all."""
+    """A verdict has read `routes` routes so far and will probably read `likely` routes in all."""
 
     requirement: str
     agent: str
@@ -109,21 +108,21 @@ class RoutesRead(Event):
 
 @dataclass(frozen=True, slots=True)
 class Spared(Event):
-    """A verdict was in before these episodes (by key) were needed. Another test may still want them."""
+    """A verdict was reached without these episodes (by key). Another test may still need them."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Used(Event):
-    """A verdict or a measured value rests on these episodes (by key): what reports may show."""
+    """A verdict or a measured value rests on these episodes (by key), so reports may show them."""
 
     keys: tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Compiling(Event):
-    """So many functions are compiled, of `total` that episodes wait for; equal when none is missing any more."""
+    """`done` of the `total` functions that episodes wait for are compiled; both are equal at the end."""
 
     done: int
     total: int
@@ -131,7 +130,7 @@ class Compiling(Event):
 
 @dataclass(frozen=True, slots=True)
 class Started(Event):
-    """An episode began. `route` is the label of the route, for people; so many are driven `together` by one process."""
+    """An episode began. `route` is a label for people; `together` is how many episodes the process drives at once."""
 
     key: str
     agent: str
@@ -142,7 +141,7 @@ class Started(Event):
 
 @dataclass(frozen=True, slots=True)
 class Finished(Event):
-    """An episode ended and is stored. `wall_s` is how many seconds it took."""
+    """An episode ended and is stored. `wall_s` is its wall-clock time in seconds."""
 
     key: str
     wall_s: float
@@ -150,7 +149,7 @@ class Finished(Event):
 
 @dataclass(frozen=True, slots=True)
 class Reused(Event):
-    """An episode was needed and found in the store, driven by another process or by an earlier run in `wall_s`."""
+    """An episode was found in the store. Another process or an earlier run drove it in `wall_s` seconds."""
 
     key: str
     wall_s: float
@@ -158,7 +157,7 @@ class Reused(Event):
 
 @dataclass(frozen=True, slots=True)
 class StoreTroubled(Event):
-    """Something is wrong with the place that keeps the episodes; the run goes on."""
+    """The store has a problem, which `sentence` describes; the run goes on."""
 
     sentence: str
 
@@ -168,9 +167,9 @@ class Judged(Event):
     """A requirement got its verdict in the test `nodeid`.
 
     `verdict` is `"pass"`, `"fail"`, `"inconclusive"` or `"error"`; for an error the numbers are None and `message` says
-    why. `low` and `high` bound the interval of `value`, `routes` of `planned` were read by the rule `rule`. `p_value`
-    is that against "it holds" where evidence was read; `family` is among how many requirements a fail had to stand,
-    `margin` how far beyond the limit a pass may reach, in the unit of the metric.
+    why. `low` and `high` are the ends of the interval of `value`. The verdict rule `rule` read `routes` of `planned`
+    routes. `p_value` tests "the requirement holds" where the rule read evidence. `family` is the number of requirements
+    that a fail was corrected for. `margin` is how far beyond the limit a pass may reach, in the unit of the metric.
     """
 
     nodeid: str
@@ -197,9 +196,10 @@ class Judged(Event):
 
 @dataclass(frozen=True, slots=True)
 class Searched(Event):
-    """A test asked for the largest severity that holds (`verdict.largest_severity`); `sentence` is the whole answer.
+    """A test searched the largest severity that holds (`verdict.largest_severity`); `sentence` is the whole answer.
 
-    `holds` and `breaks` are severities of `failure` in `unit`, None where none was found; `rule`: what they rest on.
+    `holds` and `breaks` are severities of `failure` in `unit`, or None when none was found. `rule` is the verdict rule
+    of the search.
     """
 
     nodeid: str
@@ -224,7 +224,7 @@ def event_to_json(event: Event) -> str:
 
 
 def event_from_json(line: str) -> Event:
-    """Read what `event_to_json` wrote. Raises `ValueError` for a line that was cut off."""
+    """Return the event of a line that `event_to_json` wrote. Raises `ValueError` for a line that was cut off."""
     fields = json.loads(line)
     kind = _KINDS[fields.pop("event")]
     event: Event = kind(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})

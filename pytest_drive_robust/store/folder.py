@@ -1,13 +1,13 @@
 """The store on disk: finished episodes of this run and of earlier ones, shared by every process that opens it.
 
-Two runs may use one folder at once, on one machine or over a network file system. Nothing needs a lock to be right:
+Two runs may use one folder at once, on one machine or over a network file system. The store is correct without locks:
 files appear whole (see `whole_file`) and the same key means the same bits. Claims (see `claims`) only save double work.
 
-On a network file system: a record is there for the other hosts as soon as it was renamed, because they open it by its
-name and keep no memory of names that were missing beyond what the mount says (`acdirmax`, a minute at most for NFS);
-who looks too early drives once more and gets the same bits. Where locks are local to each host (`nolock`, many FUSE
-and Lustre mounts without `flock`), hosts may drive an episode twice, never two processes of one host. No age of a file
-and no clock takes part in any decision but in `drive-robust store gc`, which asks the server for the time.
+On a network file system other hosts see a record as soon as it was renamed, because they open the record by its name.
+A mount may remember for a while that a name was missing (`acdirmax`, a minute at most for NFS); a host that looks too
+early drives the episode once more and gets the same bits. Where locks are local to each host (`nolock`, many FUSE and
+Lustre mounts without `flock`), two hosts may drive an episode twice, but never two processes of one host. No clock and
+no age of a file decides anything, except in `drive-robust store gc`, which asks the server for the time.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from pytest_drive_robust.store.reuse import is_reusable
 
 
 class FolderStore:
-    """Episodes in `folder`. Nothing is created before something is stored or claimed.
+    """Keeps episodes in `folder`. The folder is created when the first episode is stored or claimed.
 
-    `run` names the run: what it drove itself counts whatever its end was, what other runs drove counts where driving
-    again would give the same (see `is_reusable`), and not at all with `fresh`.
+    `run` names this run. `get` returns every episode that this run drove, and of other runs the episodes that would end
+    equally if driven again (see `is_reusable`); with `fresh` no episode of another run.
 
-    What cannot be written to `folder` (disk full, no permission), and a time-out where another run stored a whole
-    drive, is kept in memory and in `spill`, a folder of this run that its other processes open with, too; without one,
-    no other process sees it.
+    Some episodes cannot go to `folder`: the disk is full, the permission is missing, or this run has a time-out where
+    another run stored a whole drive. The store keeps such episodes in memory and in `spill`, a folder that all
+    processes of this run share. Without `spill` no other process sees them.
     """
 
     def __init__(self, folder: Path, *, run: str = "", fresh: bool = False, spill: Path | None = None) -> None:
@@ -51,7 +51,7 @@ class FolderStore:
 
     @property
     def folder(self) -> Path:
-        """Where it is."""
+        """The folder of the store."""
         return self._files.folder
 
     def get(self, key: str) -> EpisodeResult | None:
@@ -59,7 +59,7 @@ class FolderStore:
         known = self._known.get(key)
         if known is not None:
             return known
-        for files in (self._spill, self._files):  # what this run drove itself comes first
+        for files in (self._spill, self._files):  # an episode that this run drove wins over another run's
             found = None if files is None else self._found(files, key)
             if found is not None:
                 self._known[key] = found
@@ -67,9 +67,9 @@ class FolderStore:
         return None
 
     def put(self, key: str, result: EpisodeResult) -> None:
-        """Keep a finished episode; other processes see all of it or nothing.
+        """Keep a finished episode; other processes see the whole record or none.
 
-        One that no other run may reuse is kept for this run alone where a reusable one is stored.
+        When `result` is not reusable but the folder holds a reusable record of the key, only this run keeps `result`.
         """
         self._known[key] = result
         data = encode_episode(result, {"key": key, "run": self._run})
@@ -87,7 +87,7 @@ class FolderStore:
         return self._claims.attempt(key)
 
     def problems(self) -> tuple[str, ...]:
-        """Return what went wrong with the folder and its files, one sentence each, every one once."""
+        """Return the problems of the folder and its files, one sentence for each; no sentence occurs twice."""
         return tuple(self._problems)
 
     def _has_reusable(self, key: str) -> bool:
@@ -100,7 +100,7 @@ class FolderStore:
     def _found(self, files: RecordFiles, key: str) -> EpisodeResult | None:
         seen, state = (files.folder, key), files.state(key)
         if seen in self._useless and self._useless[seen] == state:
-            return None  # looked at before, and nobody replaced it since
+            return None  # this file was of no use before, and is unchanged
         try:
             data = files.read(key)
         except OSError as error:

@@ -1,7 +1,8 @@
-"""A table of what is in a store, for questions about many records: `index.sqlite` beside them.
+"""An index of the records in a store, `index.sqlite` in its folder, for questions about many records.
 
-It is made of the records and can be deleted at any time. Nobody but the commands that show and tidy a store reads it:
-whether an episode must be driven is asked of its file alone. A damaged index, or one of another version, is made anew.
+The index is built from the records and can be deleted at any time. Only the commands that show and clean a store read
+the index; a run asks the record file itself whether an episode must be driven. A damaged index, or an index of another
+version, is built again.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ _VERSION = 2
 
 @dataclass(frozen=True, slots=True)
 class IndexedEpisode:
-    """One record. `size` in bytes; `problem` says why it cannot be read, then the words of the episode are empty.
+    """One record; `size` is in bytes. `problem` says why the record is unreadable; then the episode's fields are empty.
 
-    `end` tells whether other runs may reuse it: what an agent raised for lack of memory counts as a crash.
+    `end` is `AGENT_CRASHED_HARD` when the agent raised for lack of memory, so that no other run reuses the record.
     """
 
     key: str
@@ -45,14 +46,14 @@ _NAMES = tuple(item.name for item in fields(IndexedEpisode))
 
 
 def indexed_episodes(files: RecordFiles) -> list[IndexedEpisode]:
-    """Return what each record of a store says, in the order of keys. Only files that changed since then are read."""
+    """Return the index row of each record, sorted by key. Reads only records that changed since they were indexed."""
     if next(files.all_keys(), None) is None and not (files.folder / _FILE).exists():
-        return []  # a folder without records stays as it is
+        return []  # write no index into a folder without records
     try:
         with contextlib.closing(_open(files.folder / _FILE)) as database:
             return _updated(database, files)
     except (sqlite3.Error, OSError) as error:
-        if "locked" not in str(error):  # else another command has it open and is at work
+        if "locked" not in str(error):  # a locked index is in use by another command: leave it
             with contextlib.suppress(OSError):
                 (files.folder / _FILE).unlink()
         with contextlib.closing(sqlite3.connect(":memory:")) as database:  # the folder may be read-only
@@ -65,7 +66,7 @@ def _open(path: Path) -> sqlite3.Connection:
     try:
         if _version(database) != _VERSION:
             with database:
-                database.execute("BEGIN IMMEDIATE")  # another command may be making it at the same time
+                database.execute("BEGIN IMMEDIATE")  # another command may create the table at the same time
                 if _version(database) != _VERSION:
                     database.execute("DROP TABLE IF EXISTS records")
                     _create(database)
@@ -104,7 +105,7 @@ def _updated(database: sqlite3.Connection, files: RecordFiles) -> list[IndexedEp
 
 
 def _read(files: RecordFiles, states: Mapping[str, str]) -> Iterator[dict[str, object]]:
-    """Yield the rows of those records that are there. Seeds are text: SQLite's whole numbers have 64 bits at most."""
+    """Yield the row of each record that exists. Seeds are text: SQLite's whole numbers have 64 bits at most."""
     for key, state in states.items():
         try:
             data = files.read(key)

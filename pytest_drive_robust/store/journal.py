@@ -1,4 +1,4 @@
-"""The events of a run in a file of each worker, which the controller and the other workers read meanwhile."""
+"""Journals of a run: each worker appends its events to a file that the controller and the other workers read."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pytest_drive_robust.store.events import Event, event_from_json, event_to_js
 
 
 class JournalWriter:
-    """Appends the events of one process; each is on disk as soon as it happened, also when the process dies next."""
+    """Appends the events of one process to a file, unbuffered, so that no event is lost when the process dies."""
 
     def __init__(self, folder: Path, *, name: str) -> None:
         journals = folder / "journals"
@@ -18,7 +18,7 @@ class JournalWriter:
         self._cut = self._file.tell() > 0
 
     def __call__(self, event: Event) -> None:
-        """Append one event, on a line of its own also where the one before was cut off. Raises `OSError`."""
+        """Append one event on its own line, even after a line that was cut off. Raises `OSError`."""
         rest = memoryview(b"\n" * self._cut + event_to_json(event).encode() + b"\n")
         self._cut = True
         while rest:
@@ -31,14 +31,14 @@ class JournalWriter:
 
 
 class JournalReader:
-    """Reads what all processes of a run have written since the last look."""
+    """Reads the events that all processes of a run have written since the last `read`."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder / "journals"
         self._positions: dict[Path, int] = {}
 
     def read(self) -> list[Event]:
-        """Read new events, in order within each process. A line that was cut off is left out: its writer died."""
+        """Return the new events, in order within each process. Skips a line that a dying writer cut off."""
         events: list[Event] = []
         for path in sorted(self._folder.glob("*.jsonl")):
             with path.open("rb") as file:

@@ -1,4 +1,4 @@
-"""Looking after a store: what is in it, is all of it whole, and what may go."""
+"""Maintains a store: counts its records, verifies them, and removes records that no run needs."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from pytest_drive_robust.store.reuse import ends_reusable
 
 _DAY_S = 86_400.0
 _TEMPORARY = ("episodes/*/.*.tmp", ".now-*.tmp", "..gitignore-*.tmp", ".CACHEDIR-*.tmp")
-"""What a writer that died may leave: the root folder may also hold what is not ours."""
+"""The temporary files that a dead writer may leave. Named exactly, since the root folder may hold files of others."""
 
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """A store in numbers: `by_agent` counts records by (agent, outcome), `wall_s` is what driving them took."""
+    """Statistics of a store: `by_agent` counts records by (agent, outcome), `wall_s` is the seconds of driving them."""
 
     folder: Path
     records: int
@@ -39,10 +39,10 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class Damage:
-    """A record that cannot be used, and why.
+    """A record that cannot be used, and the `problem`.
 
-    `later_version`: it belongs to another version of this program. `unread`: the disk or the rights to the file did not
-    let it be read, which says nothing about what is in it.
+    `later_version`: another version of this program wrote the record. `unread`: the disk or the file's permissions kept
+    the record from being read, so its content may be whole.
     """
 
     key: str
@@ -53,13 +53,16 @@ class Damage:
 
     @property
     def is_certain(self) -> bool:
-        """True where nothing can use the record: it was read, and is of no later version."""
+        """True when no program can use the record: it was read, and no other version wrote it."""
         return not (self.later_version or self.unread)
 
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """What went, or would go: how many files of each kind, and how many bytes they took. `problems`: what did not."""
+    """The files that `sweep` removed, or would remove: counts by kind and the total `size_bytes`.
+
+    `problems` names the files that could not be removed.
+    """
 
     records: int
     damaged: int
@@ -69,7 +72,7 @@ class Swept:
 
 
 def statistics(folder: Path) -> Statistics:
-    """Count what is in the store. Reads only records that changed since the last time (see `index`)."""
+    """Return the statistics of a store. Reads only records that changed since the last time (see `index`)."""
     rows = indexed_episodes(RecordFiles(folder))
     whole = [row for row in rows if not row.problem]
     return Statistics(
@@ -86,7 +89,7 @@ def statistics(folder: Path) -> Statistics:
 
 
 def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
-    """Read every record to its last byte: (how many there are, those that are damaged). Changes nothing."""
+    """Read every record to its last byte and return (number of records, damaged records). Changes nothing."""
     files = RecordFiles(folder)
     keys = list(files.all_keys())
     return len(keys), tuple(damage for key in keys if (damage := _damage(files, key)) is not None)
@@ -95,7 +98,8 @@ def verify(folder: Path) -> tuple[int, tuple[Damage, ...]]:
 def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
     """Move damaged records to `aside/`, so that their episodes are driven again. Returns how many were moved.
 
-    A run may have replaced one since it was found: a whole record stays, and so does one of a later version or unread.
+    Each record is read again first, because a run may have replaced it. A record that is whole, of another version or
+    unreadable stays.
     """
     files = RecordFiles(folder)
     found = (_damage(files, damage.key) for damage in damages)
@@ -104,7 +108,7 @@ def set_aside(folder: Path, damages: Iterable[Damage]) -> int:
 
 
 def _damage(files: RecordFiles, key: str) -> Damage | None:
-    """Return what is wrong with a record; None for a whole one, and for one that is gone."""
+    """Return the damage of a record, or None when the record is whole or gone."""
     path = files.path(key)
     try:
         data = files.read(key)
@@ -122,11 +126,12 @@ def _damage(files: RecordFiles, key: str) -> Damage | None:
 
 
 def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[str] = (), dry: bool = False) -> Swept:
-    """Remove what no run will read, and what was asked for.
+    """Remove the files that no run will read, and the records that the caller selects.
 
-    Always: damaged records, set aside or not, those whose end no other run may reuse, and what writers left that died.
-    With `older_than_s`: every record that was written longer ago; with `agents`: those of these agents (both: only
-    where both hold). Records that a living process has claimed, or replaced meanwhile, stay. `dry` removes nothing.
+    Always removes damaged records, set aside or not. Removes after a day records that no other run may reuse, and
+    temporary and lock files of dead writers. `older_than_s` also selects every record written longer ago, and `agents`
+    every record of these agents; with both, a record must match both. Records that a living process has claimed, or
+    replaced meanwhile, stay. `dry` removes nothing.
     """
     files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
     now_s = _now_s(folder)
@@ -134,7 +139,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     def goes(row: IndexedEpisode) -> bool:
         age_s = _age_s(files.path(row.key), now_s)
         if not _is_reusable(row) and age_s > _DAY_S:
-            return True  # a run of today may still read its own
+            return True  # younger records stay: the run that drove them may still need them
         asked = older_than_s is not None or bool(wanted)
         return asked and age_s > (older_than_s or -1.0) and (not wanted or row.agent in wanted)
 
@@ -161,7 +166,7 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
 
 
 def _remove_unclaimed(path: Path, claims: Claims, files: RecordFiles, state: FileState | None) -> list[str]:
-    """Remove a record that is in that `state`: another run may have replaced it since we looked at it."""
+    """Remove a record if its file is still in `state`: another run may have replaced the record meanwhile."""
     claim = claims.attempt(path.stem)
     if claim is None:
         return []
@@ -174,7 +179,7 @@ def _is_reusable(row: IndexedEpisode) -> bool:
 
 
 def _now_s(folder: Path) -> float:
-    """Return the time by the clock that dates the files: on a network share that is the server's, not ours."""
+    """Return the time in seconds by the clock that dates the files: on a network share, the server's clock."""
     probe = folder / f".now-{os.getpid()}.tmp"
     try:
         probe.touch()
@@ -186,7 +191,7 @@ def _now_s(folder: Path) -> float:
 
 
 def _age_s(path: Path, now_s: float) -> float:
-    """Return seconds since a file was written; a file of the future is new."""
+    """Return the seconds since a file was written; 0 for a file from the future or without a readable time."""
     try:
         return max(0.0, now_s - path.stat().st_mtime)
     except OSError:
@@ -205,7 +210,7 @@ def _size(path: Path) -> int:
 
 
 def _remove(path: Path) -> list[str]:
-    """Remove a file; return why it stays, and nothing where it is gone."""
+    """Remove a file. Return why the file stays, or an empty list when it is gone."""
     try:
         path.unlink(missing_ok=True)
     except OSError as error:

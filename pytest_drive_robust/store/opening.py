@@ -1,4 +1,4 @@
-"""The store of a run, as its options ask for it."""
+"""Opens the store that the run options name."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ def new_run_name() -> str:
 
 
 def open_store(options: RunOptions, root: Path, *, run: str, own: Path | None = None) -> EpisodeStore:
-    """Open the store that the run was given, relative to the root folder.
+    """Open the store that `options` name, relative to the folder `root`.
 
-    `own` is a folder that only the processes of this run share: it takes what cannot be written to the store, and
-    everything when there shall be none (`--drive-store off`) or somebody else keeps what was driven.
+    `own` is a folder that only the processes of this run share. It takes the episodes that cannot be written to the
+    store. It is the whole store with `--drive-store off` and when an external tool keeps the episodes.
     """
     if options.store == "off" or options.is_external:
         return MemoryStore() if own is None else FolderStore(own, run=run)

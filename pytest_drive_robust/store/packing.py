@@ -1,4 +1,4 @@
-"""Arrays as few bytes, bit for bit: their bytes sorted by significance, then zlib."""
+"""Packs arrays into few bytes without loss: bytes sorted by significance, then zlib."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 from pytest_drive_robust.domain.result import Given, Trace, read_only
 
 _LEVEL = 4
-"""Of zlib. A trace of 600 ticks takes one or two milliseconds; higher levels save a few percent for thrice the time."""
+"""The zlib level. A trace of 600 ticks takes 1 to 2 ms; higher levels save a few percent for thrice the time."""
 
 
 def pack(rows: NDArray[Any]) -> bytes:
-    """Pack a table column by column: of each number the first byte of all ticks, then the second, and so on.
+    """Pack a table column by column: the first bytes of all ticks, then the second bytes, and so on.
 
-    Neighbouring ticks differ in their last bytes only, so the first ones compress to almost nothing.
+    Neighbouring ticks differ only in their last bytes, so the first bytes compress to almost nothing.
     """
     columns = np.ascontiguousarray(rows.T)
     if columns.size == 0:
@@ -28,7 +28,7 @@ def pack(rows: NDArray[Any]) -> bytes:
 
 
 def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
-    """Unpack what `pack` packed, for reading only. Raises `ValueError` for bytes that are no such table."""
+    """Return the read-only table that `pack` packed. Raises `ValueError` for bytes that do not hold such a table."""
     kind = np.dtype(dtype)
     ticks, width = shape
     try:
@@ -47,9 +47,9 @@ def unpack(data: bytes, *, dtype: str, shape: tuple[int, int]) -> NDArray[Any]:
 def unpack_columns(
     data: bytes, wanted: Sequence[int], *, dtype: str, shape: tuple[int, int]
 ) -> tuple[NDArray[Any], ...]:
-    """Unpack the `wanted` columns of a table, by number, and not what lies behind them. Raises as `unpack` does.
+    """Return the `wanted` columns of a table, by number, without unpacking later columns. Raises as `unpack` does.
 
-    They have the strides that they have in the whole table: the last bit of a sum may depend on that.
+    The returned columns have the strides of the whole table, because the last bit of a sum may depend on strides.
     """
     kind = np.dtype(dtype)
     ticks, width = shape
@@ -69,7 +69,7 @@ def unpack_columns(
 
 
 class StoredTrace(Trace):
-    """A trace that stays packed until somebody reads a row of it. `digest` is known without unpacking."""
+    """A trace that stays packed until its `rows` are read. `digest` is known without unpacking."""
 
     __slots__ = ("_digest", "_packed", "_shape", "_unpacked")
 
@@ -97,7 +97,7 @@ class StoredTrace(Trace):
         return rows
 
     def columns(self, *names: str) -> tuple[NDArray[np.float64], ...]:
-        """Return columns as `Trace` does; nothing else is unpacked."""
+        """Return the columns as `Trace.columns` does, without unpacking the columns behind them."""
         if self._unpacked is not None:
             return super().columns(*names)
         return unpack_columns(self._packed, [*map(self.COLUMNS.index, names)], dtype="<f8", shape=self._shape)
@@ -108,12 +108,12 @@ class StoredTrace(Trace):
         return self._digest or Trace(self.rows).digest
 
     def __reduce__(self) -> tuple[type[Trace], tuple[NDArray[np.float64]]]:
-        """Return an ordinary trace: that is what it is elsewhere."""
+        """Pickle as an ordinary `Trace`, with the rows unpacked."""
         return Trace, (self.rows,)
 
 
 class StoredGiven(Given):
-    """A table that stays packed until somebody reads it."""
+    """A table of given observations that stays packed until its `rows` are read."""
 
     __slots__ = ("_packed", "_shape", "_unpacked")
 
@@ -139,5 +139,5 @@ class StoredGiven(Given):
         return rows
 
     def __reduce__(self) -> tuple[type[Given], tuple[NDArray[np.float32]]]:
-        """Return an ordinary table: that is what it is elsewhere."""
+        """Pickle as an ordinary `Given`, with the rows unpacked."""
         return Given, (self.rows,)

@@ -1,14 +1,14 @@
-"""One finished episode as bytes: what a child process replies with and what a file of the store holds.
+"""One finished episode as bytes: the reply of a worker process and the content of a file of the store.
 
 ::
 
     8 bytes    b"DREPISO" and the format version
-    32 bytes   sha256 of everything behind it
+    32 bytes   sha256 of all bytes after it
     4 bytes    length of the header, little endian
     header     JSON: every fact of the result, the shape and the length of each table, notes
-    tables     the trace, and whatever else there is one number a tick of (see `packing`); the tracks (`track_bytes`)
+    tables     the trace, speed ratios, inference times and given observations (see `packing`); tracks (`track_bytes`)
 
-There is no pickle in it: the bytes may come from a process that an agent ran wild in.
+The format holds no pickle, because the bytes may come from a process that an agent has corrupted.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, un
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 
 FORMAT_VERSION = 1
-"""Grows when the meaning of the bytes changes. It is a part of every key."""
+"""The version of the format, part of every key. Increase it when the meaning of the bytes changes."""
 
 _MAGIC = b"DREPISO"
 _SUM_BYTES = 32
@@ -53,16 +53,16 @@ _PLAIN = (
 
 
 class CorruptRecordError(ValueError):
-    """Bytes that are no whole record: cut off, overwritten, or something else altogether."""
+    """The bytes are no whole record: cut off, overwritten, or no record at all."""
 
 
 class OtherFormatError(CorruptRecordError):
-    """A record of another version of the format, as far as one can tell."""
+    """The record has another format version than `FORMAT_VERSION`."""
 
 
 @dataclass(frozen=True, slots=True)
 class EpisodeRecord:
-    """A result with what was noted beside it, such as the run that drove it."""
+    """An episode result with notes, such as the name of the run that drove the episode."""
 
     result: EpisodeResult
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -93,15 +93,18 @@ def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None
 
 
 def decode_episode(data: bytes) -> EpisodeResult:
-    """Read what `encode_episode` wrote, bit for bit; the trace is unpacked when it is first read.
+    """Return the episode result that `encode_episode` wrote, bit for bit; the trace is unpacked at its first read.
 
-    Raises `CorruptRecordError` for anything else, `OtherFormatError` for a record of another version.
+    Raises `CorruptRecordError` for other bytes, `OtherFormatError` for a record of another format version.
     """
     return decode_record(data).result
 
 
 def decode_record(data: bytes, *, key: str | None = None) -> EpisodeRecord:
-    """Read as `decode_episode` does, with the notes; they must hold `key` where one is given."""
+    """Return the result with its notes; raises as `decode_episode` does.
+
+    Also raises `CorruptRecordError` when `key` is given and the notes hold another key.
+    """
     _check(data)
     try:
         record = _decoded(data)

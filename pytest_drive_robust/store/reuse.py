@@ -1,4 +1,4 @@
-"""Which stored episodes stand for another drive of the same."""
+"""Decides which stored episodes other runs may reuse."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 
 NO_MEMORY = ("MemoryError", "Cannot allocate memory", "Insufficient memory")
-"""In the words of Python, the system (torch repeats them) and OpenCV."""
+"""Phrases for missing memory, from Python, the operating system (repeated by torch) and OpenCV."""
 RAN_OUT = (
     *NO_MEMORY,
     "out of memory",
@@ -18,27 +18,27 @@ RAN_OUT = (
     "can't start new thread",
     "Resource temporarily unavailable",
 )
-"""Of a GPU in the words of CUDA, JAX, cuBLAS and cuDNN; of a disk, files, threads and processes in those of the system
-and of Python."""
+"""Phrases for any missing resource: GPU memory (CUDA, JAX, cuBLAS, cuDNN), and disk space, open files, threads and
+processes (the operating system, Python).
+"""
 
 
 def is_reusable(result: EpisodeResult) -> bool:
-    """Tell whether another run would get the same by driving it again: the agent's drive, or its own exception.
+    """Return whether driving the episode again would give the same result: a whole drive, or an agent's own exception.
 
-    A timeout or a crash of the process may be the machine's doing, an `infra_error` is ours: those are driven again. So
-    is what the agent raised because the machine had no more: memory, that of a GPU, room on a disk, files,
-    threads.
+    False after a timeout or a crash of the process, which the machine may have caused, after an `infra_error`, and
+    after an exception for lack of a resource: memory, GPU memory, disk space, open files, threads.
     """
     return ends_reusable(result.outcome, result.end) and not ran_out(result)
 
 
 def ran_out(result: EpisodeResult) -> bool:
-    """Tell whether the agent raised for lack of what another run may have more of."""
+    """Return whether the agent raised for lack of a resource, of which another run may have more (see `RAN_OUT`)."""
     return result.end is End.AGENT_CRASHED and any(words in result.end_detail for words in RAN_OUT)
 
 
 def ends_reusable(outcome: Outcome, end: End) -> bool:
-    """Tell as `is_reusable` does, for an episode of which only its end is known."""
+    """Return whether an episode with this outcome and end is reusable, without looking for a lack of resources."""
     if outcome is Outcome.AGENT_ERROR:
         return end is End.AGENT_CRASHED
     return outcome in (Outcome.COMPLETED, Outcome.FAILED)

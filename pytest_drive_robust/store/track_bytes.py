@@ -1,4 +1,4 @@
-"""Tracks as few bytes: differences along each track, zigzag, their bytes sorted by significance, then zlib.
+"""Packs tracks into few bytes: differences along each track, zigzag, bytes sorted by significance, then zlib.
 
 ::
 
@@ -6,7 +6,7 @@
     4 bytes       the columns of lights
     tables        actors, motion, lights, plans, points: column by column, of each number its lowest byte first
 
-All of it is one zlib stream of little endian numbers, which a browser unpacks as it is
+The result is one zlib stream of little endian numbers, which a browser can unpack
 (`report/pages/static/episode_data.js`).
 """
 
@@ -32,7 +32,7 @@ _WIDTHS = (6, 4, 0, 4, 2)
 
 
 def pack_tracks(tracks: Tracks) -> bytes:
-    """Return the bytes of tracks; those that are stored already come back as they are."""
+    """Return the packed bytes of tracks; `StoredTracks` return their bytes unchanged."""
     if isinstance(tracks, StoredTracks):
         return tracks.packed
     counts = tracks.actors[:, 5]
@@ -52,7 +52,7 @@ def pack_tracks(tracks: Tracks) -> bytes:
 
 
 def unpack_tracks(data: bytes) -> Tracks:
-    """Return what `pack_tracks` packed. Raises `ValueError` for other bytes."""
+    """Return the tracks that `pack_tracks` packed. Raises `ValueError` for other bytes."""
     try:
         raw = zlib.decompress(data)
         version, every_ticks, *lengths, lines = _HEAD.unpack_from(raw)
@@ -81,7 +81,7 @@ def unpack_tracks(data: bytes) -> Tracks:
 
 
 class StoredTracks(Tracks):
-    """Tracks that stay packed until somebody reads one of their tables."""
+    """Tracks that stay packed until one of their tables is read."""
 
     __slots__ = ("_unpacked", "packed")
 
@@ -93,7 +93,7 @@ class StoredTracks(Tracks):
         object.__setattr__(self, "_unpacked", None)
 
     def __getattr__(self, name: str) -> object:
-        """Unpack when a table is asked for: the slots of `Tracks` are empty here."""
+        """Unpack at the first read of a table: the slots of `Tracks` are empty until then."""
         if name not in Tracks.__slots__:
             raise AttributeError(name)
         if self._unpacked is None:
@@ -101,7 +101,7 @@ class StoredTracks(Tracks):
         return getattr(self._unpacked, name)
 
     def __reduce__(self) -> tuple[type[StoredTracks], tuple[bytes]]:
-        """Return the packed bytes: they are small."""
+        """Pickle the packed bytes, because they are small."""
         return StoredTracks, (self.packed,)
 
 
@@ -113,7 +113,7 @@ def int_planes(table: Ints) -> bytes:
 
 
 def differences(table: Ints, starts: NDArray[np.int64] | list[int]) -> Ints:
-    """Return each row less the one before it, but the rows at `starts` as they are."""
+    """Return the difference of each row to the row before; the rows at `starts` stay unchanged."""
     changed = table.astype(np.int32)
     changed[1:] -= table[:-1]
     if len(table):
@@ -122,7 +122,7 @@ def differences(table: Ints, starts: NDArray[np.int64] | list[int]) -> Ints:
 
 
 def _starts(counts: Ints) -> NDArray[np.int64]:
-    """Return the first row of each track that has one."""
+    """Return the index of the first row of each track that has rows."""
     return (np.cumsum(counts) - counts)[counts > 0].astype(np.int64)
 
 

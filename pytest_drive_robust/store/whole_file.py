@@ -1,9 +1,9 @@
-"""Files that are either untouched or whole, whenever the process dies.
+"""Writes files that are either untouched or whole, even when the process dies.
 
-A file is written under another name and renamed. What must also outlast a power cut is synced before the rename, and
-its folder after it. That holds on network file systems, too: rename is atomic on the server, and a reader elsewhere
-sees the old state or the new one (a directory listing may lag behind; opening a name does not, because that asks the
-server).
+A file is written under a temporary name and renamed. With `synced`, the file is synced before the rename and its folder
+after the rename, so that the file outlasts a power cut. Network file systems give the same guarantee: rename is atomic
+on the server, and a reader elsewhere sees the old file or the new file (a directory listing may lag behind; opening a
+name does not, because that asks the server).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from pytest_drive_robust.errors import UsageError
 
 _NO_SYNC = frozenset({errno.EINVAL, errno.EBADF, errno.ENOTSUP, errno.EACCES, errno.EPERM, errno.EISDIR})
-"""What file systems and systems that cannot sync a folder say."""
+"""The error numbers of file systems and operating systems that cannot sync a folder."""
 _FLAGS = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
 
 
@@ -40,9 +40,9 @@ def write_whole(path: Path, content: str | bytes, *, synced: bool = False) -> No
 
 @contextlib.contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a free name beside `path`: the file that the block writes there becomes `path`, or goes when it raises.
+    """Yield a temporary path beside `path`; after the block, rename the file there to `path`.
 
-    A link stays: the file that it leads to is written.
+    When the block raises, the temporary file is removed. If `path` is a link, the target is written and the link stays.
     """
     path = Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.stem}-{os.getpid()}-{secrets.token_hex(4)}.tmp")
@@ -57,7 +57,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def refusing_unwritable(path: Path) -> Iterator[None]:
-    """Raise `UsageError` for a path of the user's that the block cannot write."""
+    """Raise `UsageError` when the block fails to write `path`, which the user named."""
     try:
         yield
     except OSError as error:
@@ -65,7 +65,7 @@ def refusing_unwritable(path: Path) -> Iterator[None]:
 
 
 def make_folder_synced(folder: Path) -> None:
-    """Make a folder with those above it, and each of their names last: a file in it lasts no longer than they do."""
+    """Create a folder and its parents, and sync each new name, because a file lasts no longer than its folders."""
     if not folder.is_dir():
         make_folder_synced(folder.parent)
         folder.mkdir(exist_ok=True)
@@ -73,7 +73,7 @@ def make_folder_synced(folder: Path) -> None:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Make the names in `folder` last. Raises `OSError` for a disk that fails."""
+    """Sync the names in `folder` to disk. Raises `OSError` for a failing disk."""
     if os.name == "nt":
         return  # a folder cannot be opened there
     try:

@@ -1,1 +1,1 @@
-"""What must hold for an agent: the sentences, the objects behind them, and the verdicts."""
+"""Requirements on an agent: their sentences, their objects, and the verdicts on them."""

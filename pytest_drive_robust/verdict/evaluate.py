@@ -1,4 +1,4 @@
-"""From episodes to a verdict on one requirement; what says nothing is refused or stays inconclusive."""
+"""Judges one requirement from its episodes; refuses episodes that say nothing, or leaves the verdict inconclusive."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ _SCORES = ("RD", "DS", "SR")
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """Whether `agent` meets `requirement`, and why.
+    """The verdict on `requirement` for `agent`, with its numbers.
 
-    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by `verdict_rule`; `margin` is its margin in the unit of
-    the metric (0 for rules without one) and `reason` says what is not in the numbers. `value` is that of the
-    `routes` of `planned` that were driven; `low..high` is its interval over routes like these (95 %, or alpha a side
-    of the verdict_rule where evidence was read and may have stopped early), infinite where one route or an unsure clean
-    score says nothing. `p_value` is that against "it holds", where evidence was read. `clean` is None when no clean
-    episode was given. `worst` are at most three routes, for people.
+    `decision` is `"pass"`, `"fail"` or `"inconclusive"` by `verdict_rule`; `margin` is the margin of the rule in the
+    unit of the metric (0 for rules without a margin). `reason` says what the numbers do not show. `value` is the metric
+    over the `routes` driven, of `planned` routes. `low..high` is the interval of `value` over routes like these: 95 %,
+    or alpha a side of the rule when evidence was read, which may stop early. An end is infinite where one route or an
+    unsure clean score gives no bound. `p_value` tests "the requirement holds"; None unless evidence was read. `clean`
+    is None when no clean episode was given. `worst` holds at most three routes, for people.
     """
 
     requirement: Requirement
@@ -68,7 +68,7 @@ class Verdict:
 
 
 Decide = Callable[[Requirement, VerdictRule], Verdict]
-"""Gives the verdict on a requirement by a rule, with episodes driven where they are missing."""
+"""Returns the verdict on a requirement by a rule, after driving the missing episodes."""
 
 
 def evaluate(
@@ -84,16 +84,18 @@ def evaluate(
 ) -> Verdict:
     """Return the verdict on `requirement`. `perturbed` are the episodes under its setting (clean ones for `clean`).
 
-    `decision` is what `verdict_rule` decided while it read the routes (`stats.judges`); without one the value is
-    compared with the limit, as the rule `"point"` does. `planned` is how many routes there were to read.
+    `decision` is the decision that `verdict_rule` reached while reading the routes (`stats.judges`). Without a
+    `decision`, the value is compared with the limit, as the rule `"point"` does. `planned` is the number of routes
+    that could have been read.
 
-    `clean` may be empty unless the metric is relative to it; when given, it is shown beside the perturbed ones. For a
-    relative metric these are episodes under `requirement.setting.baseline`: `clean`, but for settings with a warm-up.
+    `clean` may be empty unless the metric is relative to the clean episodes; given clean episodes are shown beside the
+    perturbed ones. For a relative metric, `clean` are episodes under `requirement.setting.baseline`, which is the
+    setting `clean` except for settings with a warm-up.
 
-    An RD whose clean driving score is below the floor of the rule says nothing: whatever the rule, it never passes but
-    is inconclusive, and a fail stays a fail. Raises `ComparisonError` when there is nothing to judge: no episode or no
+    An RD whose clean driving score is below the floor of the rule shows nothing: by any rule a pass becomes
+    inconclusive, and a fail stays a fail. Raises `ComparisonError` when there is nothing to judge: no episode or no
     data for the metric, an `infra_error`, episodes of another agent or setting, a setting that changed nothing, sets
-    that do not pair, a clean driving score of 0. Raises `UnknownNameError` for a mode that is none.
+    that do not pair, a clean driving score of 0. Raises `UnknownNameError` for an unknown mode.
     """
     metric = requirement.metric
     _require_episodes_for(requirement, agent, clean=clean, perturbed=perturbed)
@@ -101,7 +103,7 @@ def evaluate(
     routes = len({result.episode.route_id for result in perturbed})
     p_value = None
     if decision is None or verdict_rule is None:
-        # nothing was read route by route, so nothing is promised
+        # Without reading route by route, no error rate can be promised.
         verdict_rule = replace(verdict_rule or VerdictRule(), kind="point")
         decision = "pass" if requirement.is_met_by(value) else "fail"
     elif verdict_rule.kind == "evidence":
@@ -134,7 +136,7 @@ def evaluate(
 
 
 def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) -> Yardstick | None:
-    """Return what ranks the routes of a broken requirement; None where the driving score does."""
+    """Return the yardstick that ranks the routes of a broken requirement, or None when the driving score ranks them."""
     if metric.name in _SCORES:
         return None
 
@@ -142,7 +144,7 @@ def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) ->
         try:
             found = metric.measure([result], mode=mode)
             return found if found is not None and math.isfinite(found) else None
-        except Exception:  # a user's function may be made for several episodes only, and this is for information
+        except Exception:  # a user's function may need several episodes; the ranking is only information
             return None
 
     return Yardstick(value, limit, is_upper=comparison == "<=")
@@ -156,7 +158,7 @@ def _after_reading(
     *,
     ended: bool,
 ) -> tuple[tuple[float, float], float]:
-    """Return the interval and the p-value that hold although reading may have stopped early."""
+    """Return the interval and the p-value, which stay valid when reading stopped early."""
     p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
     metric, alpha, comparison = requirement.metric, verdict_rule.alpha, requirement.comparison
     if metric.needs_clean:
@@ -166,7 +168,7 @@ def _after_reading(
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
-    """Return why an RD says nothing: an agent that hardly drives has little to lose. Empty when it says something."""
+    """Return why an RD shows nothing, or an empty string: an agent that hardly drives has little to lose."""
     if not metric.needs_clean:
         return ""
     scores = values_by_route(clean, driving_score).values()
@@ -211,7 +213,7 @@ def _interval(
         return bounds
     try:
         without = [function([result for result in perturbed if result.episode.route_id != route]) for route in routes]
-    except Exception:  # a user's function may be made for more routes than these, and this is for information
+    except Exception:  # a user's function may need more routes; the interval is only information
         return bounds
     known = [other for other in without if other is not None]
     return jackknife_interval(value, known, bounds=bounds) if len(known) == len(without) else bounds
@@ -220,7 +222,7 @@ def _interval(
 def _require_episodes_for(
     requirement: Requirement, agent: str, *, clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]
 ) -> None:
-    """Raise `ComparisonError` unless these are episodes of the agent that the requirement is about."""
+    """Raise `ComparisonError` for episodes of another agent or setting, or that the setting did not touch."""
     setting, baseline = requirement.setting, str(requirement.setting.baseline)
     _require_episodes_of(agent, [str(setting)], perturbed)
     require_touched(setting, perturbed)

@@ -1,4 +1,4 @@
-"""What happened on a route, for people: how an episode ended, when it left its clean twin, where most was lost."""
+"""Describes episodes for people: how an episode ended, when the ego left its clean twin, and the worst routes."""
 
 from __future__ import annotations
 
@@ -40,20 +40,20 @@ _EVENTS: Mapping[InfractionKind, str] = {
     InfractionKind.SCENARIO_TIMEOUT: "scenario out of time",
     InfractionKind.OUTSIDE_LANES: "outside the lanes",
 }
-"""The kinds that are missing end the route, which `_ENDS` says, or cost nothing (minimum speed)."""
+"""The words for infractions. Missing kinds end the route, which `_ENDS` describes, or cost nothing (minimum speed)."""
 
 PLACELESS = (InfractionKind.OUTSIDE_LANES, InfractionKind.MIN_SPEED)
-"""What is found only when the whole way is added up happened at no particular place."""
+"""The infractions without a place, because they are measured over the whole route."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorstRoute:
     """One episode under the setting beside its clean twin. Scores are driving scores, 0..100.
 
-    `clean_score` is None and `clean_outcome` `"not driven"` when there is no clean twin; `diverged_s` is the second at
-    which the two began to differ, None when they never did or there is no twin; `diverged_by` says in what.
-    `clean_value` and `perturbed_value` are those of the metric by which the route is one of the worst, None where that
-    is the driving score.
+    `clean_score` is None and `clean_outcome` `"not driven"` when there is no clean twin. `diverged_s` is the second at
+    which the two egos began to differ, None when they never did or there is no twin; `diverged_by` names the signal
+    that differed. `clean_value` and `perturbed_value` are values of the metric that ranked the route, None when the
+    driving score ranked it.
     """
 
     route_id: str
@@ -71,14 +71,14 @@ class WorstRoute:
 
 @dataclass(frozen=True, slots=True)
 class Yardstick:
-    """A limit for routes one by one: `value` is the metric of one episode, None without data."""
+    """A limit on single episodes: `value` returns the metric of one episode, None without data."""
 
     value: Callable[[EpisodeResult], float | None]
     limit: float
     is_upper: bool
 
     def excess(self, result: EpisodeResult) -> float:
-        """Return how far an episode is beyond the limit: above 0 when it breaks it alone."""
+        """Return how far the value of an episode lies beyond the limit: above 0 when broken, 0 without data."""
         value = self.value(result)
         if value is None:
             return 0.0
@@ -86,9 +86,9 @@ class Yardstick:
 
 
 class Divergence(NamedTuple):
-    """When two egos parted, seconds from the start, and what left its tolerance first.
+    """The `second` from the start at which two egos parted, and the `signal` that left its tolerance first.
 
-    That is `"in speed"`, `"in distance"` along the way, or `"sideways"`.
+    `signal` is `"in speed"`, `"in distance"` (ahead or behind), or `"sideways"`.
     """
 
     second: float
@@ -104,10 +104,11 @@ def worst_routes(
 ) -> tuple[WorstRoute, ...]:
     """Return at most three routes, one episode each, the worst first.
 
-    By `yardstick`: those whose own value is furthest beyond the limit. Without one, and where no episode breaks the
-    limit alone: `relative`, by the driving score that was lost against the clean twin, routes that lost nothing left
-    out (every perturbed episode must have its twin); otherwise by the lowest driving score, full scores left out. Ties
-    go by route and seed, so that the order is always the same.
+    `yardstick` ranks episodes by how far their own value lies beyond the limit. Without a yardstick, or when no single
+    episode breaks its limit, driving scores rank. With `relative`, episodes are ranked by the driving score lost
+    against the clean twin, and routes that lost nothing are left out (every perturbed episode must have its twin).
+    Otherwise episodes are ranked by the lowest driving score, and full scores are left out. Ties go by route and seed,
+    so that the order is always the same.
     """
     twins = {route_and_seed(result): result for result in clean}
 
@@ -122,7 +123,7 @@ def worst_routes(
 
 
 def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult], float]) -> list[EpisodeResult]:
-    """Return the episodes with an excess above 0, the largest first, one of each route."""
+    """Return the episode with the largest excess of each route, if above 0, sorted by excess, the largest first."""
     ranked = sorted(
         ((-excess(result), *route_and_seed(result), result) for result in results), key=lambda entry: entry[:3]
     )
@@ -150,15 +151,15 @@ def describe_outcome(result: EpisodeResult) -> str:
 
 
 def infraction_s(item: Infraction, dt_s: float) -> float | None:
-    """Return when it happened, in seconds from the start; None for the tick 0: official records of others do not tell.
+    """Return when an infraction happened, in seconds from the start, or None when unknown (tick 0).
 
-    What we see ourselves is in tick 1 or later.
+    Official records of other tools do not tell the tick; our simulators count from tick 1.
     """
     return item.tick * dt_s if item.tick > 0 else None
 
 
 def seconds_text(time_s: float) -> str:
-    """Return a time of an episode, as in `"11.3 s"`: the same for 7.25 and what rounding may leave of it, 7.2499999999.
+    """Return a time of an episode as text, as in `"11.3 s"`; 7.25 and 7.2499999999, its rounded form, give equal text.
 
     >>> seconds_text(307 * 0.05), seconds_text(15.35), seconds_text(7.25)
     ('15.4 s', '15.4 s', '7.3 s')
@@ -167,10 +168,10 @@ def seconds_text(time_s: float) -> str:
 
 
 def first_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> Divergence | None:
-    """Return when the two egos differ for the first time and in what, or None when they never do.
+    """Return when and in which signal the two egos first differ, or None when they never differ.
 
-    They differ when, at the same tick, one is more than 0.5 m ahead, behind or beside the other (in the frame of the
-    clean ego) or more than 1 m/s faster or slower. Only the ticks that both episodes have are compared.
+    Two egos differ when, at the same tick, one ego is more than 0.5 m ahead of, behind or beside the other (in the
+    frame of the clean ego) or more than 1 m/s faster or slower. Only the ticks that both episodes have are compared.
     """
     import numpy as np
 

@@ -1,4 +1,4 @@
-"""The largest severity at which a requirement still holds: bisection over a ladder, and the bracket that it leaves."""
+"""Searches the largest severity at which a requirement still holds, by bisection over a ladder; returns a bracket."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from pytest_drive_robust.verdict.requirement import Requirement, known_metric
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
 ALPHA = 0.1
-"""Per severity and side. A bisection asks some five severities, and only those at the crossing are in doubt."""
+"""The alpha per severity and side. A bisection asks some five severities; only those at the crossing are in doubt."""
 
 _NO_MARGIN = 1e-9
-"""None at all: the crossing itself is searched. A rule needs a number above 0."""
+"""The margin of the search, practically 0, because the crossing itself is searched. A rule needs a number above 0."""
 
 _ANSWERS: dict[str, Answer] = {"pass": "holds", "fail": "breaks"}
 
 _NOTABLE = 0.05
-"""A milder severity that is worse by more than this share of the metric's range contradicts "the more, the worse"."""
+"""The share of the metric's range by which a milder severity must be worse for a warning (`contradictions`)."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeverityProbe:
     """One severity that was tried. `value` is the metric over the `routes` that were read.
 
-    `answer` is `"undecided"` when neither side could be shown; whether the value `meets` the limit then says where the
-    search goes on. `reason` is that of the verdict: what is not in the numbers.
+    `answer` is `"undecided"` when neither side could be shown; the search then goes to more severe levels if the value
+    `meets` the limit, else to milder ones. `reason` is the reason of the verdict.
     """
 
     level: float
@@ -50,15 +50,15 @@ class SeverityProbe:
 @total_ordering
 @dataclass(frozen=True, eq=False)
 class Bracket:
-    """Between which severities `metric comparison limit` stops to hold.
+    """The two severities between which `metric comparison limit` stops to hold.
 
-    `holds` is the largest severity that was shown to hold with nothing broken below it, None when the mildest one did
-    not; `breaks` the smallest that was shown to break, None when the most severe one did not. `rule` says what "shown"
-    means: `"evidence"` (`stats.judges.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all
-    routes compared with the limit: too few routes for more). `warnings` are sentences.
+    `holds` is the largest severity that was shown to hold with nothing broken below it; None when there is none.
+    `breaks` is the smallest severity that was shown to break; None when there is none. `rule` says what "shown" means:
+    `"evidence"` (`stats.judges.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all routes
+    compared with the limit, for too few routes or a user's metric). `warnings` are sentences.
 
-    Compares by severity with a perturbation or a number: `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
-    What compares is `holds`: the severity that was shown, not the one that was hoped for.
+    A bracket compares with a perturbation or a number by its `holds`:
+    `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
     """
 
     ladder: Ladder
@@ -72,12 +72,12 @@ class Bracket:
 
     @property
     def breaks(self) -> float | None:
-        """The smallest severity that breaks."""
+        """The smallest severity that was shown to break, or None."""
         return next((probe.level for probe in self._mild_first() if probe.answer == "breaks"), None)
 
     @property
     def holds(self) -> float | None:
-        """The largest severity that holds, below everything that breaks."""
+        """The largest severity that was shown to hold, below all severities that break, or None."""
         best = None
         for probe in self._mild_first():
             if probe.answer == "breaks":
@@ -92,7 +92,7 @@ class Bracket:
 
     @property
     def sentence(self) -> str:
-        """`"holds at 150 ms, breaks at 200 ms"`."""
+        """The bracket in words, such as `"holds at 150 ms, breaks at 200 ms"`."""
         label = self.ladder.label
         mildest, worst = self.ladder.levels[0], self.ladder.levels[-1]
         parts = [f"holds at {label(self.holds)}"] if self.holds is not None else []
@@ -107,7 +107,7 @@ class Bracket:
 
     @property
     def basis(self) -> str:
-        """What the bracket rests on, in words."""
+        """The rule and the number of routes behind the bracket, in words."""
         read = [probe.routes for probe in self.probes]
         if self.rule == "point":
             on = f"point rule on {max(read)} {'route' if max(read) == 1 else 'routes'}"
@@ -144,7 +144,7 @@ class Bracket:
         return self._severity(other) if isinstance(other, (int, float)) else None
 
     def _severity(self, level: float) -> float:
-        """Return a number that grows with severity: one level alone says nothing, so the failure's own steps do."""
+        """Return a number that grows with severity; a ladder of one level follows the failure's own steps."""
         falls = len(self.ladder.levels) == 1 and _way(self.ladder) < 0
         return -self.ladder.severity(level) if falls else self.ladder.severity(level)
 
@@ -157,14 +157,14 @@ def largest(
 ) -> Bracket:
     """Return the bracket within which `metric comparison limit` stops to hold as the severity grows.
 
-    With 20 `routes` or more, each severity is judged from evidence with margin 0, which stops as soon as it is decided;
-    a severity that stays undecided sends the search to the side on which its value lies. With fewer, the value over all
-    routes is compared with the limit. The severities that are tried depend on the answers alone, not on what else the
-    run has driven; episodes that it has are not driven again.
+    With 20 `routes` or more, each severity is judged from evidence with margin 0, which stops as soon as the verdict is
+    reached; an undecided severity sends the search to the side on which its value lies. With fewer routes, or for a
+    user's metric, the value over all routes is compared with the limit. Only the answers decide which severities are
+    tried, not the episodes already driven; those are not driven again.
 
-    `comparison` is `"<="` for metrics of which less is better, else `">="`. Raises `PerturbationError` for levels that
-    begin with the most severe, `RequirementError` for a metric or a limit that no requirement can have, and
-    `ComparisonError` where a severity cannot be judged.
+    `comparison` defaults to `"<="` for metrics of which less is better, else to `">="`. Raises `PerturbationError` for
+    levels that begin with the most severe, `RequirementError` for a metric or a limit that no requirement can have, and
+    `ComparisonError` when a severity cannot be judged.
     """
     _require_mild_first(ladder)
     known = known_metric(metric) if isinstance(metric, str) else metric
@@ -184,7 +184,7 @@ def largest(
 
 
 def _way(ladder: Ladder) -> int:
-    """Return 1 where the failure declares rising steps, -1 where it declares falling ones, 0 where it has one step."""
+    """Return 1 if the ladder that the failure declares rises, -1 if the ladder falls, 0 if it has one step."""
     declared = type(ladder.template).ladder
     steps = (0.0, 1.0) if declared is None or declared[1] == "ticks" else tuple(declared[1])
     return (steps[-1] > steps[0]) - (steps[-1] < steps[0])
@@ -200,9 +200,9 @@ def _require_mild_first(ladder: Ladder) -> None:
 
 
 def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[SeverityProbe, ...]:
-    """Try levels until two neighbours lie on different sides, in the order of trying.
+    """Try levels until two neighbours lie on different sides of the limit; return the probes in the order of trying.
 
-    It finds a crossing and supposes that there is only one (see `contradictions`).
+    Bisection finds one crossing and supposes that there is no other (see `contradictions`).
     """
     below, above = -1, len(ladder.levels)
     probes = []
@@ -215,7 +215,7 @@ def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[Sever
 
 
 def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProbe]) -> tuple[str, ...]:
-    """Return where a milder severity is clearly worse than a more severe one: "the largest" is then one crossing."""
+    """Return a warning if a milder severity is clearly worse than a more severe one: crossings may be several."""
     ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
     span = metric.high - metric.low
     notable = _NOTABLE * (span if 0.0 < span < float("inf") else 1.0 if metric.needs_clean else 100.0)
@@ -230,7 +230,7 @@ def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProb
 
 
 def _reasons(ladder: Ladder, probes: Iterable[SeverityProbe]) -> Iterable[str]:
-    """Return why severities stayed open where more routes would not have helped."""
+    """Return the reasons of undecided severities that more routes would not decide."""
     ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
     open_ = [probe for probe in ordered if probe.answer == "undecided" and probe.reason]
     return [f"undecided at {ladder.label(probe.level)}: {probe.reason}" for probe in open_]

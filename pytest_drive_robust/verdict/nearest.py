@@ -1,4 +1,4 @@
-"""The valid sentence that is nearest to one that does not parse."""
+"""Finds the valid sentence nearest to a sentence that does not parse."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)")
 _FIELD = re.compile(r"\{(\w+)\}")
 _UNITS = frozenset({"ms", "m", "s", "%", "px", "deg"})
 _JOIN = re.compile(r"\s+and\s+|\s*[+&,]\s*(?![^(]*\))")
-"""How people join failures, outside brackets."""
+"""The words and signs with which people join failures, outside brackets."""
 _QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
 _BRACKETS = re.compile(r"\([^()]*\)")
 _ALIKE = 0.6
 _LONG_S = 10.0
-"""Nobody means a delay of so many seconds: then the unit was wrong and not the number."""
+"""The delay in seconds from which on the unit is taken for the mistake, not the number."""
 
 
 def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], str | None]) -> str | None:
-    """Return `sentence` with as few parts replaced as make it valid, or None when no repair does.
+    """Return `sentence` with the fewest parts replaced that make it valid, or None when no repair helps.
 
-    `read` gives the canonical form of a valid sentence and None for any other.
+    `read` returns the canonical form of a valid sentence and None for an invalid one.
     """
     left, comparison, limit = _split(sentence)
-    if _NUMBER.fullmatch(left):  # 0.3 >= RD under ...: what must hold is said from the other side
+    if _NUMBER.fullmatch(left):  # "0.3 >= RD under ...": turn the sides round
         left, comparison, limit = limit, comparison.translate(_TURNED), left
     metric, setting = _metric_and_setting(left)
     at_most, at_least = _AT_MOST.search(comparison), _AT_LEAST.search(comparison)
@@ -63,7 +63,7 @@ def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], s
 
 
 def _split(sentence: str) -> tuple[str, str, str]:
-    """Return what stands before the last comparison, the comparison, and what follows."""
+    """Return the text before the first comparison, the comparisons, and the text after the last comparison."""
     outside_brackets = re.sub(r"\([^)]*\)", lambda match: " " * len(match.group()), sentence)
     found = list(_COMPARISON.finditer(outside_brackets))
     if not found:
@@ -92,9 +92,9 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
 
 
 def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
-    """Return the phrase whose words are most like those of `text` outside its brackets; `text` when none is alike.
+    """Return the phrase whose words are most like the words of `text` outside brackets, or `text` when none is alike.
 
-    `numbers`: with the numbers of `text`, else with usual ones.
+    The phrase has the numbers of `text` if `numbers` is set, else usual numbers.
     """
     said = _BRACKETS.sub(" ", text)
     words = _words(said)
@@ -112,7 +112,7 @@ def _nearest_phrase(text: str, known: Known, *, numbers: bool) -> str:
 
 
 def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
-    """Return the number of `("0.2", "s")` in the unit that the field's name ends with."""
+    """Return a number such as `("0.2", "s")` converted to the unit at the end of the field's name, None for None."""
     if quantity is None:
         return None
     number, unit = quantity
@@ -124,7 +124,7 @@ def _in_unit_of(field: str, quantity: tuple[str, str] | None) -> str | None:
 
 
 def _examples(cls: type[Perturbation]) -> dict[str, str]:
-    """Return a usual value of each severity: the class's `example`, else the default."""
+    """Return a usual value of each field as text: from the class's `example`, else the default."""
     defaults = {field.name: field.default for field in dataclasses.fields(cls)}
     values = {name: value for name, value in defaults.items() if isinstance(value, (int, float, str))}
     values.update(getattr(cls, "example", {}))

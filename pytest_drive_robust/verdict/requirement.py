@@ -1,6 +1,6 @@
-"""A requirement: metric, setting, comparison, limit. `"RD under 200 ms latency <= 0.30"` is one.
+"""A requirement: metric, setting, comparison, limit, for example `"RD under 200 ms latency <= 0.30"`.
 
-It knows what `stats` reads of it under a rule: two linear forms of one route's scores, and the margin in its own unit.
+A requirement gives `stats` two linear forms of one route's scores, and the margin of a rule in the metric's unit.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 ANY_TICK_S = 0.05
-"""Any will do where a ladder is built for its field and unit, not for its steps."""
+"""A tick length in seconds for ladders that are built for their field and unit; its value has no effect there."""
 
 _SCORE_RANGE = 100.0
 _ROUNDING = 1e-9
-"""Of the range of a metric: 1 - 70 / 100 is 0.30000000000000004, which meets a limit of 0.30 under every rule."""
+"""The share of a metric's range that counts as rounding: 1 - 70 / 100 is 0.30000000000000004 and meets 0.30."""
 _DIGITS = 12
-"""More are rounding: 0.3 + 0.1 - 0.3 is 0.10000000000000003."""
+"""The decimals of a limit or margin; further ones are rounding: 0.3 + 0.1 - 0.3 is 0.10000000000000003."""
 _COMPARISONS = ("<=", ">=")
 
 
@@ -54,9 +54,9 @@ def metric_names() -> list[str]:
 
 
 class Written(NamedTuple):
-    """The sentence of a requirement, and its line, from 1, in a file or, where `path` is None, in some text.
+    """The sentence of a requirement, and its line, from 1, in the file `path`, or in a text when `path` is None.
 
-    The path is absolute: a test may go to another folder before its failure is told.
+    `path` is absolute, because a test may change the folder before its failure is reported.
     """
 
     path: Path | None
@@ -66,14 +66,14 @@ class Written(NamedTuple):
 
 @dataclass(frozen=True, init=False)
 class Requirement:
-    """What must hold for an agent; judged by `evaluate.evaluate`.
+    """A requirement on an agent; judged by `evaluate.evaluate`.
 
-    `metric` is RD, DS (0..100), SR (0..1), efficiency or comfort (percent) or a registered one and may be given by its
-    name, `setting` a stack or one perturbation, `comparison` is `"<="` or `">="`, a value equal to the limit passes.
-    `str()` is the sentence that `sentences.requirements` reads.
+    `metric` is RD, DS (0..100), SR (0..1), efficiency or comfort (percent) or a registered metric, or its name.
+    `setting` is a stack or one perturbation. `comparison` is `"<="` or `">="`; a value equal to the limit passes.
+    `str()` returns the sentence that `sentences.requirements` reads.
 
-    Raises `RequirementError` for an unknown metric, for what is no setting, for a limit outside the metric's range, and
-    for requirements that cannot fail: RD under clean, DS >= 0, SR <= 1.
+    Raises `RequirementError` for an unknown metric, a `setting` that is none, a limit outside the metric's range, and
+    requirements that cannot fail: RD under clean, DS >= 0, SR <= 1.
     """
 
     metric: Metric
@@ -82,7 +82,7 @@ class Requirement:
     limit: float
 
     written: ClassVar[Written | None] = None
-    """Of an object: how `requirements` read it. No part of what it says."""
+    """The sentence that `requirements` read the object from; not part of equality."""
 
     def __init__(self, metric: Metric | str, setting: Setting | Perturbation, comparison: str, limit: float) -> None:
         metric = metric if isinstance(metric, Metric) else known_metric(metric)
@@ -118,9 +118,9 @@ class Requirement:
         return f"{_slug(self.metric.name)}-{_slug(str(self.setting))}-{comparison}-{_slug(limit)}"
 
     def read_as(self, reading: DriveReading | None) -> Self:
-        """Return the same with the failures as `reading` has them; itself where nobody asked for one.
+        """Return this requirement with its failures read by `reading`; unchanged when `reading` is None.
 
-        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        Raises `PerturbationError` for a switch whose stated value contradicts the reading.
         """
         if reading is None:
             return self
@@ -130,35 +130,35 @@ class Requirement:
 
     @property
     def needs_clean(self) -> bool:
-        """True when the clean episodes must be driven to judge it."""
+        """True when the requirement needs clean episodes to be judged."""
         return self.metric.needs_clean
 
     def is_met_by(self, value: float) -> bool:
-        """Return True when `value` is on the right side of the limit or equal to it, but for rounding."""
+        """Return True when `value` is on the right side of the limit, or equal to the limit up to rounding."""
         rounding = _ROUNDING * span_of(self.metric)
         return value <= self.limit + rounding if self.comparison == "<=" else value >= self.limit - rounding
 
     def reads_routes(self, verdict_rule: VerdictRule) -> bool:
-        """Return True when the verdict is read route by route; a user's function over all episodes cannot be."""
+        """Return True when the verdict reads route by route; a metric by a user's function over all episodes cannot."""
         return verdict_rule.kind != "point" and self.metric.function is None
 
     def margin(self, verdict_rule: VerdictRule) -> float:
         """Return how far beyond the limit a pass from evidence may reach, in the unit of the metric.
 
-        That is the margin of `verdict_rule`, or what of it is judged by near an end of the range: see `lenient_limit`.
+        The margin is that of `verdict_rule`, cut near an end of the metric's range, see `lenient_limit`.
         """
         return round(abs(self.lenient_limit(verdict_rule) - self.limit), _DIGITS)
 
     def lenient_limit(self, verdict_rule: VerdictRule) -> float:
-        """Return the limit and its margin: what a pass from evidence is better than."""
+        """Return the limit beyond which a pass from evidence does not reach: the limit with the margin added."""
         return lenient_limit(self.metric, self.comparison, self.limit, verdict_rule)
 
     def linear_forms(self, verdict_rule: VerdictRule) -> LinearForms:
-        """Return what the judges of `stats` read of one route's scores."""
+        """Return the linear forms of one route's scores that the judges of `stats` read."""
         return _forms(self.metric, self.comparison, self.limit, verdict_rule)
 
     def advice(self, verdict_rule: VerdictRule, routes: int) -> Advice:
-        """Return what so many routes can show of it, by the usual noise; `"fine"` where no evidence is asked for."""
+        """Return the advice on what `routes` routes can show at the usual noise; `"fine"` unless by evidence."""
         if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
             return Advice("fine", "")
         span = span_of(self.metric)
@@ -167,15 +167,15 @@ class Requirement:
 
 
 def span_of(metric: Metric) -> float:
-    """Return the length of the range of a metric, of which a verdict rule's margin is a share."""
+    """Return the length of a metric's range; the margin of a verdict rule is a share of this length."""
     span = 1.0 if metric.needs_clean else metric.high - metric.low
     return span if math.isfinite(span) else _SCORE_RANGE
 
 
 def lenient_limit(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> float:
-    """Return what a pass from evidence is better than: the limit and its margin, cut where that leaves the range.
+    """Return the limit with the margin added, which a pass from evidence is better than; cut at the end of the range.
 
-    `DS >= 5` with a margin of 10 is judged against 2.5: every agent is better than -5.
+    `DS >= 5` with a margin of 10 is judged against 2.5, because every agent is better than -5.
     """
     forms = _forms(metric, comparison, limit, verdict_rule)
     return round(1.0 - forms.lenient_keep if forms.relative else forms.lenient_base, _DIGITS)
@@ -189,12 +189,11 @@ def _forms(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictR
 
 
 class MarginRequirement(Requirement):
-    """How much of one failure must be survived: `latency margin >= 150 ms (RD <= 0.30)`.
+    """A severity of one failure that the agent must survive: `latency margin >= 150 ms (RD <= 0.30)`.
 
-    It is the requirement at that severity, `RD under 150 ms latency <= 0.30`, said from the other side: judged by the
-    same rule, and when it is not met the message says how far the agent does get (`drive.largest`). The other
-    severities of the failure have their defaults; those that have not follow in the brackets:
-    `latency margin >= 150 ms (RD <= 0.30, mode=hold)`.
+    Means the requirement at that severity, `RD under 150 ms latency <= 0.30`, and is judged by the same rule. When the
+    requirement is not met, the message says how far the agent gets (`drive.largest`). Other parameters of the failure
+    have their defaults; different values follow in the brackets: `latency margin >= 150 ms (RD <= 0.30, mode=hold)`.
     """
 
     @property
@@ -241,7 +240,7 @@ class Unjudged:
 def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) -> Unjudged:
     """Return the object form of a sentence: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`.
 
-    Raises `RequirementError` for an unknown metric; the limit is checked when it is compared with.
+    Raises `RequirementError` for an unknown metric; the comparison with a limit checks the limit.
     """
     return Unjudged(known_metric(metric), _as_setting(setting))
 
@@ -258,14 +257,14 @@ def _as_setting(given: Setting | Perturbation) -> Setting:
 
 
 def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) -> int:
-    """Return how many verdicts from evidence a test with `requirements` gives; 1 when they are not known."""
+    """Return how many verdicts from evidence a test with `requirements` gives; 1 when the requirements are unknown."""
     if verdict_rule.kind != "evidence":
         return 0
     return sum(item.reads_routes(verdict_rule) for item in requirements) if requirements else 1
 
 
 def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
-    """Return the limit as a float that the metric can reach and can miss."""
+    """Return the limit as a float. Raises `RequirementError` if the metric cannot reach or cannot miss the limit."""
     try:
         number = float(limit)
     except (TypeError, ValueError, OverflowError):

@@ -1,4 +1,4 @@
-"""Sentences to requirements: `METRIC under SETTING <= LIMIT` or `FAILURE margin >= SEVERITY`, one a line."""
+"""Parses requirements from sentences: `METRIC under SETTING <= LIMIT` or `FAILURE margin >= SEVERITY`, one per line."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FORM = "METRIC under SETTING <= LIMIT"
 _EXAMPLE = "RD under 200 ms latency <= 0.30"
 _COMPARISONS = {"<=": "<=", ">=": ">=", "≤": "<=", "≥": ">="}
 _COMPARISON = re.compile("<=|>=|≤|≥")
-# What people write instead; the "=" of a parameter such as "(mode=hold)" has no space before it.
+# Comparisons that people write instead; the "=" of a parameter such as "(mode=hold)" has no space before it.
 _NO_COMPARISON = re.compile(r"==|!=|=<|=>|<|>|(?<=\s)=|\b(?:is|below|above|at most|at least|less than|more than)\b")
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _DIGITS = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
@@ -37,7 +37,7 @@ _MARGIN_FORM = "FAILURE margin >= SEVERITY (METRIC <= LIMIT)"
 _IN_UNIT_OF_LADDER = {("s", "ms"): 1000.0, ("ms", "s"): 0.001, ("cm", "m"): 0.01, ("km", "m"): 1000.0}
 
 DEFAULT_LIMIT = 0.30
-"""The RD that a margin allows when its sentence does not say."""
+"""The limit of RD in a margin sentence without a limit."""
 
 
 def requirements(text: str | Path, *more: str, known: Known | None = None) -> list[Requirement]:
@@ -45,10 +45,10 @@ def requirements(text: str | Path, *more: str, known: Known | None = None) -> li
 
     Sentences may be given one by one, too: `requirements("DS under clean >= 60", "RD under 200 ms latency <= 0.30")`.
 
-    `known` are the perturbations that sentences may use, every registered one by default. Raises one
-    `RequirementError` that lists all problems of the text: sentences that do not parse, with the line, what was
-    expected and the nearest valid sentence; lines that say the same twice; a text without any requirement. What is
-    neither text nor a path is refused so, too.
+    `known` are the perturbations that sentences may use, by default all registered ones. Raises one `RequirementError`
+    that lists all problems of the text: sentences that do not parse, with the line, the expected form and the nearest
+    valid sentence; a requirement that occurs twice; a text without any requirement. Also raises `RequirementError` for
+    an argument that is neither text nor a path.
     """
     for given in (text, *more):
         if not isinstance(given, str if more else (str, Path)):
@@ -87,7 +87,7 @@ def requirements(text: str | Path, *more: str, known: Known | None = None) -> li
 
 
 def _meant_as_file(text: str) -> str:
-    """Return what to write where a text is the name of a file, else nothing."""
+    """Return a hint to pass a `Path` when `text` is the name of a file, else an empty string."""
     name = text.strip()
     try:
         is_file = Path(name).is_file()
@@ -104,7 +104,7 @@ def _read(path: Path) -> str:
 
 
 def _left_out() -> str:
-    """Return which registered failures no sentence can use; empty when all of them load."""
+    """Return the registered failures that do not load, one line each; empty when all failures load."""
     problems = default_registry().problems()
     return "".join(f"\nLeft out: {problem}" for problem in problems)
 
@@ -125,7 +125,7 @@ def _asks_for_a_margin(sentence: str) -> bool:
 
 
 def _without_quotes(sentence: str) -> str:
-    """Return the sentence, as long as it was, with a null character for each one of a severity in quotes."""
+    """Return the sentence with null characters in place of quoted severities; the length stays equal."""
     return _QUOTED.sub(lambda quoted: "\0" * len(quoted.group()), sentence)
 
 
@@ -157,10 +157,10 @@ def _parse(sentence: str, known: Known) -> Requirement:
 
 
 def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
-    """Return the requirement of a sentence such as `latency margin >= 150 ms`, or None when it is no such sentence.
+    """Return the requirement of a margin sentence such as `latency margin >= 150 ms`, or None for another sentence.
 
-    Raises `RequirementError` for a failure that nobody knows, for the wrong unit and for a margin that is stated in
-    another way, `PerturbationError` for a severity that the failure cannot have.
+    Raises `RequirementError` for an unknown failure, a wrong unit and a margin sentence in another form,
+    `PerturbationError` for a severity that the failure cannot have.
     """
     found = _MARGIN.fullmatch(sentence)
     if found is None:
@@ -182,7 +182,7 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     failure = _at(ladder, float(found["level"]))
     setting = Setting.of(failure)
     if found["others"]:
-        form = str(failure).removesuffix(f" ({brackets(failure)})")  # what has no default is said by the others
+        form = str(failure).removesuffix(f" ({brackets(failure)})")  # `others` gives the parameters in brackets
         setting = Setting.parse(f"{form} ({found['others']})", known)
     return MarginRequirement(metric, setting, comparison, limit)
 
@@ -212,7 +212,7 @@ def _ladder(words: str, known: Known) -> Ladder:
 
 
 def _at(ladder: Ladder, level: float) -> Perturbation:
-    """Return the failure of that severity. Raises `PerturbationError`, also where its class raises something else."""
+    """Return the failure at severity `level`. Raises `PerturbationError`, also in place of errors of its class."""
     try:
         return ladder.at(level)
     except (TypeError, ValueError) as error:
@@ -221,7 +221,7 @@ def _at(ladder: Ladder, level: float) -> Perturbation:
 
 
 def _left_side(text: str) -> tuple[str, str, str]:
-    """Return the metric, the word "under" (or nothing) and setting of what stands before the comparison."""
+    """Split the text before the comparison into the metric, the word "under" (or an empty string) and the setting."""
     words = text.split(" ", 2)
     if len(words) < 2 or words[1] != "under":
         return words[0], "", ""

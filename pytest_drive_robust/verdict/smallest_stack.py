@@ -1,8 +1,8 @@
-"""From a stack of failures that breaks something to a small one that still does.
+"""Shrinks a stack of failures under which an agent fails to a small stack under which the agent still fails.
 
-Verdicts on driving are noisy, and a shrinker that believes every one of them ends at something that does not fail. So
-nothing is left out, and nothing made milder, unless the rest was judged `"fail"`; an open verdict keeps it. That is why
-hypothesis, whose shrinker takes one answer for the truth, does not do this.
+Verdicts on driving are noisy; a shrinker that trusts every verdict ends at a stack that does not fail. So a failure is
+left out, or made milder, only when the remaining stack was judged `"fail"`; an inconclusive verdict keeps the failure.
+The shrinker of hypothesis takes one answer for the truth and is therefore not used here.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from pytest_drive_robust.verdict.evaluate import Decide
 from pytest_drive_robust.verdict.requirement import Requirement
 
 Fails = Callable[[Setting], "bool | str"]
-"""Does the agent fail under this setting? True or `"fail"` says so; anything else, `"inconclusive"` too, does not."""
+"""Returns True or `"fail"` when the agent fails under a setting; any other value, also `"inconclusive"`, is no fail."""
 
 _TICK_S = 0.05
 
 
 @dataclass(frozen=True)
 class MinimalFailure:
-    """A setting that fails, of which nothing could be shown to be superfluous.
+    """The smallest failing `setting` found: no failure in it could be shown to be superfluous.
 
-    `given` is what it came from, `asked` every setting that was judged on the way with its answer. `str()` is a test
-    case to keep.
+    `given` is the setting that was shrunk, `asked` every (setting, answer) that was judged on the way. `str()` returns
+    the summary and a test case to keep.
     """
 
     setting: Setting
@@ -42,7 +42,7 @@ class MinimalFailure:
 
     @property
     def summary(self) -> str:
-        """How it came about, in one line."""
+        """The setting, the given setting and the number of verdicts, in one line."""
         verdicts = "1 verdict" if len(self.asked) == 1 else f"{len(self.asked)} verdicts"
         return f"smallest setting that fails: {self.setting} (from {self.given}, {verdicts})"
 
@@ -57,10 +57,10 @@ class MinimalFailure:
 def minimal_failure(
     requirement: Requirement, decide: Decide, *, verdict_rule: VerdictRule, dt_s: float
 ) -> MinimalFailure | None:
-    """Return the smallest setting under which `requirement` fails, or None when it does not fail in the first place.
+    """Return the smallest setting under which `requirement` fails, or None when `requirement` does not fail as given.
 
-    That is the clean one where the agent fails without any failure. Evidence is asked for more strictly than for one
-    verdict: alpha is shared by the calls that shrinking may take, about two for each failure in the stack.
+    The smallest setting is `clean` when the agent fails without any failure. Verdicts during the search are stricter
+    than a single verdict: they share alpha, about two verdicts for each failure in the stack.
     """
     setting = requirement.setting
     if decide(requirement, verdict_rule).decision != "fail":
@@ -88,7 +88,7 @@ def minimal_failing(
 ) -> MinimalFailure:
     """Leave out failures one at a time, mildest first, then make the rest milder along their ladders.
 
-    `fails` judges a setting; each is asked once. `dt_s` is the length of a tick in seconds. `sentence` is the
+    `fails` judges a setting; each setting is judged once. `dt_s` is the length of a tick in seconds. `sentence` is the
     requirement behind `fails`, for the test case.
 
     Raises `ComparisonError` when `setting` itself does not fail.
@@ -110,11 +110,11 @@ def minimal_failing(
 
 
 def _drop(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float) -> Setting:
-    """Leave out failures until nothing can be: the mildest is the least likely culprit, so it is tried first."""
+    """Leave out failures while the rest still fails, the mildest first, because it is the least likely culprit."""
     while len(setting.perturbations) > 1:
         stack = setting.perturbations
         heights = [_height(item, dt_s) for item in stack]
-        order = sorted(range(len(stack)), key=heights.__getitem__)  # places: one object may stand in two
+        order = sorted(range(len(stack)), key=heights.__getitem__)  # by place, as one object may occur twice
         smaller = (Setting(stack[:place] + stack[place + 1 :]) for place in order)
         found = next((candidate for candidate in smaller if still_fails(candidate)), None)
         if found is None:
@@ -124,7 +124,7 @@ def _drop(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float)
 
 
 def _soften(setting: Setting, still_fails: Callable[[Setting], bool], dt_s: float) -> Setting:
-    """Return the setting with the mildest severity of each that still fails, found by bisection."""
+    """Return the setting with the mildest severity of each failure that still fails, found by bisection."""
     for place, item in enumerate(setting.perturbations):
         ladder = _ladder(item, dt_s)
         if ladder is None:
@@ -149,7 +149,7 @@ def _with(setting: Setting, place: int, item: Perturbation) -> Setting:
 
 
 def _height(item: Perturbation, dt_s: float) -> float:
-    """Return the share of its ladder that a failure has climbed; those without a ladder are tried last."""
+    """Return the share of the ladder's levels up to the failure's severity, or 2 without a ladder, to be tried last."""
     ladder = _ladder(item, dt_s)
     if ladder is None:
         return 2.0

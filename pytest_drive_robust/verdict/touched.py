@@ -1,4 +1,4 @@
-"""Whether a setting changed anything of what agent and vehicle got, and whether the agent uses what it changed."""
+"""Checks whether a setting changed any observation or control, and whether the agent uses the changed signals."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pytest_drive_robust.perturbations.base import Perturbation, Setting
 
 
 def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
-    """Raise `ComparisonError` when no episode under `setting` shows any change of what agent or vehicle got.
+    """Raise `ComparisonError` when `setting` changed no observation and no control in any of its episodes.
 
-    One episode in which a rare failure never struck is no error, all of them are. Episodes of which nobody recorded
-    what was given (`reception` is None) are taken on trust, and the clean baselines have nothing to show.
+    A rare failure may miss single episodes, but not all. Episodes without a recorded `reception` are trusted, and the
+    clean baseline settings are not checked.
     """
     if setting == setting.baseline:
         return
@@ -37,10 +37,10 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
 
 
 def immunity(results: Sequence[EpisodeResult]) -> str:
-    """Return why these episodes of one setting tell nothing of robustness although it changed something, as a sentence.
+    """Return a sentence when the setting changed only signals that the agent does not use, so robustness is not tested.
 
-    That is so when it changed only signals that the agent declares not to use. Empty when it changed a command or a
-    signal in use, and when nothing is known.
+    `results` are episodes of one setting. Returns an empty string when the setting changed a control or a signal in
+    use, and when nothing was recorded.
     """
     receptions = [result.reception for result in results if result.reception is not None]
     touched = {touch.signal: None for item in receptions for touch in item.touched}
@@ -55,7 +55,7 @@ def immunity(results: Sequence[EpisodeResult]) -> str:
 
 
 def _idle_reason(perturbation: Perturbation, seen: Reception, dt_s: float) -> str:
-    """Return what a failure says of having changed nothing; what it raises hides no verdict."""
+    """Return the failure's reason for having changed nothing; an error of `idle_reason` is returned as text."""
     try:
         return perturbation.idle_reason(seen.cameras, dt_s)
     except Exception as error:

@@ -1,5 +1,5 @@
-"""Why episodes broke, in a few words that many of them share, found from their records by rules.
+"""Finds by rules why episodes broke, and groups the episodes under one short sentence.
 
-`moment` says what went wrong first, when, and what the ego was doing then; `clusters` groups episodes by both. Nothing
+`moment` finds what went wrong first, when, and what the ego was doing then; `clusters` groups episodes by both. Nothing
 here decides a score.
 """

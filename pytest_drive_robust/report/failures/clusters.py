@@ -1,4 +1,4 @@
-"""Groups episodes that broke by what happened: a sentence for each group."""
+"""Groups the episodes that broke by what happened, with one sentence for each group."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pytest_drive_robust.report.failures.road import Road
 
 _RECENT_S = 2.0
 _MOSTLY = 0.9
-"""A failure at work for a larger share of the episode tells nothing about the moment."""
+"""The largest share of an episode during which a failure may be active and still explain a moment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Episodes (numbers) that broke alike. `name` is the sentence as a word for links; `example` is the clearest."""
+    """Numbers of the episodes that broke alike; `example` is the number of the clearest episode."""
 
     sentence: str
     episodes: tuple[int, ...]
@@ -27,14 +27,14 @@ class Cluster:
 
     @property
     def name(self) -> str:
-        """Return the sentence in small letters with dashes."""
+        """The sentence in small letters with dashes, for links."""
         return re.sub(r"[^a-z0-9]+", "-", self.sentence.lower()).strip("-")
 
 
 def clusters_of(
     results: Iterable[tuple[int, EpisodeResult]], road_of: Callable[[EpisodeResult], Road | None]
 ) -> tuple[Cluster, ...]:
-    """Return the groups of all episodes that are no success, the largest first. `road_of` gives None where unknown."""
+    """Return the groups of all episodes without success, the largest first. `road_of` returns None if unknown."""
     found: dict[str, list[tuple[int, EpisodeResult]]] = {}
     for number, result in results:
         if result.outcome is Outcome.INFRA_ERROR or not is_success(result):
@@ -47,7 +47,7 @@ def clusters_of(
 
 
 def sentence_of(result: EpisodeResult, road: Road | None) -> str:
-    """Return what happened in an episode that broke: `"Hit a vehicle while turning left"`."""
+    """Return what happened in an episode that broke, as in `"Hit a vehicle while turning left"`."""
     moment = first_failure(result, road)
     parts = [moment.what]
     if moment.moves:
@@ -56,9 +56,9 @@ def sentence_of(result: EpisodeResult, road: Road | None) -> str:
 
 
 def _during(result: EpisodeResult, tick: int) -> str:
-    """Return which failure had struck just then, where it strikes now and then only.
+    """Return which failure was active shortly before `tick`, or an empty string; permanent failures do not count.
 
-    What happens in `tick` is seen after a step, so that a failure which begins in `tick` comes later.
+    An event of `tick` happens at the end of the tick, so a failure that begins in `tick` comes too late to count.
     """
     recent = tick - round(_RECENT_S / result.dt_s)
     for item in result.schedule:
@@ -73,7 +73,7 @@ def _during(result: EpisodeResult, tick: int) -> str:
 
 
 def _example(members: list[tuple[int, EpisodeResult]]) -> int:
-    """Return the episode to look at: one that can be replayed with the least else going wrong, the shortest first."""
+    """Return the number of the clearest episode: with a trace, the fewest infractions, then the fewest ticks."""
 
     def rank(member: tuple[int, EpisodeResult]) -> tuple[bool, int, int, int]:
         number, result = member

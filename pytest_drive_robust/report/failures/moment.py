@@ -1,4 +1,4 @@
-"""What went wrong first in an episode, in which tick, and what the ego was doing then."""
+"""Finds what went wrong first in an episode, in which tick, and what the ego was doing then."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _WHAT = {
     InfractionKind.STOP_SIGN: "Ran a stop sign",
     InfractionKind.YIELD_EMERGENCY: "Did not yield to an emergency vehicle",
 }
-"""What happens in one tick. The other kinds are sums over the way, or ends."""
+"""The words for infractions that happen in one tick. Other kinds are sums over the route, or ends."""
 _STANDING_MPS = 0.3
 _STANDING_S = 10.0
 _WRONG_WAY_RAD = np.radians(120.0)
@@ -29,7 +29,7 @@ _EVERY_S = 0.2
 _GAP_M = 11.0
 _EGO_LENGTH_M, _EGO_WIDTH_M = 4.9, 1.85
 _ROOM_M = 0.7
-"""Nobody drives past with less room."""
+"""The least room beside the ego; an actor with less room blocks the way."""
 
 _TURN_RAD = np.radians(35.0)
 _TURNED_RAD = np.radians(45.0)
@@ -44,7 +44,8 @@ _OFF_ROAD_M = 1.5
 class Moment(NamedTuple):
     """What went wrong, as the beginning of a sentence, and in which tick.
 
-    `moves`: the ego was doing something then, and the tick is known; `leaving`: what it did was to leave its lane.
+    `moves` says that the tick is known and the ego was moving, so that a manoeuvre can be named. `leaving` says that
+    the ego left its lane or route.
     """
 
     what: str
@@ -54,10 +55,10 @@ class Moment(NamedTuple):
 
 
 def first_failure(result: EpisodeResult, road: Road | None) -> Moment:
-    """Return what went wrong first in an episode that is no success.
+    """Return what went wrong first in an episode without success.
 
-    The ego's way outside its lanes is a sum that is known at the end only; it comes first where nothing was hit or run
-    over. Standing still comes last, because it mostly is the end of something else.
+    Driving outside the lanes is a sum that is known only at the end, so it counts only when no infraction with a tick
+    (a collision, a red light) happened. Standing still comes after that, because it is mostly a consequence.
     """
     if result.outcome is Outcome.AGENT_ERROR:
         return Moment("The agent broke", result.ticks, moves=False)
@@ -86,7 +87,10 @@ def _words(item: Infraction) -> str:
 
 
 def _left_at(result: EpisodeResult, road: Road | None) -> int:
-    """Return the first tick outside all lanes, else against the traffic, else farthest from the route."""
+    """Return the first tick outside all lanes; else the middle of the first stretch against the traffic.
+
+    If there is neither, return the tick farthest from its lane; without a road or a trace, the last tick.
+    """
     x, y, yaw = result.trace.columns("x_m", "y_m", "yaw_rad")
     every = max(1, round(_EVERY_S / result.dt_s))
     places = np.column_stack((x, y))[::every]
@@ -105,19 +109,19 @@ def _left_at(result: EpisodeResult, road: Road | None) -> int:
 
 
 def _stood_from(result: EpisodeResult) -> int | None:
-    """Return the tick from which the ego stood until the end, None when it did not stand for long."""
+    """Return the tick from which the ego stood still until the end, or None when it did not stand for long."""
     (speed,) = result.trace.columns("speed_mps")
-    if not len(speed):  # no trace is stored: only the end tells
+    if not len(speed):  # without a stored trace, only the end of the episode tells
         return result.ticks if result.end in (End.BLOCKED, End.STUCK) else None
     moved = np.flatnonzero(speed > _STANDING_MPS)
     last = int(moved[-1]) if len(moved) else 0
     if result.end is End.TICK_CAP and float(np.mean(speed < _STANDING_MPS)) > 0.5:
-        return min(last + 1, result.ticks)  # it crept on now and then
+        return min(last + 1, result.ticks)  # the ego stood most of the time, but crept on now and then
     return last + 1 if (result.ticks - last) * result.dt_s > _STANDING_S else None
 
 
 def _before(result: EpisodeResult, tick: int) -> str:
-    """Return behind what the ego stood, from the tracks."""
+    """Return the words for the actor that the ego stood behind in `tick`, from the tracks."""
     tracks = result.tracks
     if tracks is None or not len(result.trace.rows):
         return "to the end"
@@ -139,9 +143,9 @@ def _before(result: EpisodeResult, tick: int) -> str:
 
 
 def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: bool) -> str:
-    """Return the end of a sentence: `"while turning left"`. Without a road only the ego's own turn is known.
+    """Return the end of a sentence such as `"while turning left"`. Without a road only the ego's own turn is known.
 
-    `leaving`: it left its lane in this tick, so that being off the road is no news.
+    `leaving` says that the ego left its lane in this tick, so that "off the road" is not repeated.
     """
     if not len(result.trace.rows):
         return ""
@@ -157,7 +161,7 @@ def manoeuvre(result: EpisodeResult, tick: int, road: Road | None, *, leaving: b
         return "off the road"
     bend = road.turn_rad(row, _ROWS_BEHIND, _ROWS_AHEAD)
     junction = road.in_junction(row, _TURN_BEHIND, _ROWS_AHEAD)
-    if junction and (abs(bend) > _TURN_RAD or abs(turned) > _TURNED_RAD):  # elsewhere it is a bend of the road
+    if junction and (abs(bend) > _TURN_RAD or abs(turned) > _TURNED_RAD):  # outside a junction, the road bends
         return _turn(bend if abs(bend) > _TURN_RAD else turned)
     if road.in_junction(row, _JUNCTION_BEHIND, _JUNCTION_AHEAD):
         return "while crossing a junction"
@@ -169,7 +173,7 @@ def _turn(radians: float) -> str:
 
 
 def _was_in_other_lane(result: EpisodeResult, at: int, road: Road) -> bool:
-    """Return True when the ego was beside its own lane but within another, a moment ago or now."""
+    """Return True when the ego was beside its own lane but within another lane, up to `_BESIDE_S` before tick `at`."""
     x, y, progress = result.trace.columns("x_m", "y_m", "progress_m")
     ticks = range(max(0, at - round(_BESIDE_S / result.dt_s)), at + 1, max(1, round(_EVERY_S / result.dt_s)))
     places = np.array([(x[tick], y[tick]) for tick in (*ticks, at)])

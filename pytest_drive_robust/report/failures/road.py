@@ -1,4 +1,4 @@
-"""Where the ego was on its road: beside which row of the route, in which lane, off the road."""
+"""Locates the ego on its road: the row of the route beside it, its lane, and whether it is off the road."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pytest_drive_robust.domain.truth import GroundTruth, LaneKind
 from pytest_drive_robust.jit.arrays import Floats
 
 _OUTSIDE_M = 0.5
-"""As the criterion of the leaderboard counts it."""
+"""Metres beyond the lane's edge that count as outside, as in the criterion of the leaderboard."""
 _WINDOW_ROWS = 25
 
 
 class LaneView(NamedTuple):
-    """For each of n places: metres beyond the edge of the nearest lane, its heading, whether it is in a junction."""
+    """The nearest lane of n places, each (n,): metres beyond its edge, its heading, whether it is in a junction."""
 
     beyond_m: Floats
     heading_rad: Floats
@@ -51,7 +51,7 @@ class Road:
         return LaneView(away - self._widths[nearest] / 2.0, points[:, 2], self._junction[nearest])
 
     def row_of(self, place: Floats, progress_m: float) -> int:
-        """Return the row of the route beside a place, near so many metres along it."""
+        """Return the row of the route nearest to `place`, searched around `progress_m` metres along the route."""
         at = int(np.clip(round(progress_m), 0, len(self.route) - 1))
         low, high = max(0, at - _WINDOW_ROWS), min(len(self.route), at + _WINDOW_ROWS + 1)
         return low + int(np.argmin(np.hypot(*(self.route[low:high, :2] - place).T)))
@@ -62,11 +62,11 @@ class Road:
         return float(-np.sin(yaw) * (place[0] - x) + np.cos(yaw) * (place[1] - y))
 
     def turn_rad(self, row: int, behind: int, ahead: int) -> float:
-        """Return by how much the route turns to the right from so many rows behind to so many ahead."""
+        """Return the angle by which the route turns right from `behind` rows before `row` to `ahead` rows after it."""
         first, last = max(0, row - behind), min(len(self.route) - 1, row + ahead)
         return float(np.sum(wrap_angle(np.diff(self.route[first : last + 1, 2]))))
 
     def in_junction(self, row: int, behind: int, ahead: int) -> bool:
-        """Return True when the route passes a junction there."""
+        """Return True when the route passes a junction from `behind` rows before `row` to `ahead` rows after it."""
         rows = self.route[max(0, row - behind) : row + ahead + 1, :2]
         return bool(self.lanes_at(rows).junction.sum() >= 2)

@@ -1,1 +1,1 @@
-"""Two recorded episodes side by side as a sequence of pictures, 1280 x 720: every part is a pure function of data."""
+"""Films of two recorded episodes side by side, 1280 x 720 pixels; every part is a pure function of the tapes."""

@@ -1,4 +1,4 @@
-"""Colours and letters of the film. All pictures are RGB uint8."""
+"""Draws the basic shapes and text of the film, and defines its colours. All pictures are RGB uint8."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ MARK: Colour = (255, 221, 51)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _MOST_LINES = 2
 _SMALLEST = 0.8
-"""Text that does not fit is drawn down to this share of its size, then cut."""
+"""The share of its size down to which long text shrinks before it is cut."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Rectangle:
         return self.y + self.height
 
     def of(self, picture: Pixels) -> Pixels:
-        """Return the part of a picture inside the box: writing to it writes to the picture."""
+        """Return a view of the part of a picture inside the rectangle; writing to the view writes to the picture."""
         return picture[self.y : self.bottom, self.x : self.right]
 
 
@@ -70,8 +70,8 @@ def text(
 ) -> int:
     """Write one line whose baseline begins (`"left"`), ends (`"right"`) or centres at `place`; returns its width.
 
-    `within` is the most pixels that the line may take: it shrinks a little, then loses its end. OpenCV's letters are
-    ASCII, so others become question marks.
+    `within` is the largest width in pixels: a longer line shrinks a little, then loses its end. OpenCV draws only
+    ASCII, so other letters become question marks.
     """
     words = words.encode("ascii", "replace").decode()
     thickness = 2 if bold else 1
@@ -93,7 +93,7 @@ def text_width(words: str, size: float, *, bold: bool = False) -> int:
 
 
 def wrapped(words: str, *, size: float, within: int, bold: bool = False) -> list[str]:
-    """Cut `words` at blanks into at most two lines; the last one keeps what is left over."""
+    """Return `words` split at blanks into at most two lines; the last line may be longer than `within` pixels."""
     found = [""]
     for word in words.split():
         longer = f"{found[-1]} {word}".strip()

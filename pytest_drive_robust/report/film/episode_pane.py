@@ -1,4 +1,4 @@
-"""One of the two panes: what the agent was given, the view from above, what it asks, what the car gets, captions."""
+"""Draws the pane of one episode: camera pictures, the view from above, controls of agent and car, captions."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.replay.recording import Tape, TapedMoment, main_camera
 
 _FRESH_S = 1.5
-"""For so long an infraction is shouted, then it is only told."""
+"""Seconds for which a new infraction is highlighted."""
 _FRAME: c.Colour = (90, 96, 106)
 
 
 @dataclass(frozen=True)
 class EpisodePane:
-    """One tape in one half of the picture, `left` being its first column."""
+    """Draws one tape into one half of the picture; `left` is the first column in pixels."""
 
     tape: Tape
     title: str
@@ -36,11 +36,11 @@ class EpisodePane:
 
     @property
     def camera_box(self) -> c.Rectangle:
-        """Where the pictures of the camera lie."""
+        """The rectangle of the camera pictures."""
         return c.Rectangle(self.left + 8, 90, 392, 221)
 
     def draw(self, picture: Pixels, position: int, *, twin: EgoState | None) -> None:
-        """Draw the moment at `position`, or the last one when the episode is over. `twin`: the clean ego, if any."""
+        """Draw the moment at `position`, or the last moment of a finished episode. `twin` is the clean ego, if any."""
         last = len(self.tape.moments) - 1
         at = min(position, last)
         moment = self.tape.moments[at]
@@ -83,7 +83,7 @@ class EpisodePane:
             self._age(picture, moment.state.tick - images[main][1])
 
     def _age(self, picture: Pixels, ticks: int) -> None:
-        """Write it when the picture is old and something else was there; a slow camera is no failure."""
+        """Write the age of a picture that is 2 `ticks` old or older. Called only if the real picture differs."""
         if ticks < 2:
             return
         box = self.camera_box
@@ -93,7 +93,7 @@ class EpisodePane:
         c.text(picture, words, (box.x + 10, box.y + 22), size=0.7, bold=True, within=box.width - 20)
 
     def _numbers(self, picture: Pixels, moment: TapedMoment) -> None:
-        """Write the speed in large figures; beside it what the agent asks and what the car gets."""
+        """Write the speed in large figures, beside the control that the agent asks for and the control applied."""
         x, y = self.left + 8, self.camera_box.bottom
         speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"
         c.text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
@@ -105,7 +105,7 @@ class EpisodePane:
         _pedals(picture, c.Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)
 
     def _captions(self, picture: Pixels, position: int, at: int) -> None:
-        """Write the newest infractions, the end when it is there, and show what the camera would have shown."""
+        """Write the newest infraction and the end of the episode, and show the undisturbed camera picture."""
         box = c.Rectangle(self.left + 8, self.camera_box.bottom + 62, 392, 86)
         real = self.tape.real(at)
         if real is not None:
@@ -132,7 +132,7 @@ class EpisodePane:
 
 
 def _caption(picture: Pixels, words: str, box: c.Rectangle, colour: c.Colour, *, loud: bool) -> int:
-    """Write a sentence on at most two lines, on its colour when it is news; return the height that it took."""
+    """Write a sentence on at most two lines, on coloured ground when `loud`; return the height in pixels."""
     size = 0.6
     lines = c.wrapped(words, size=size, within=box.width - 24, bold=loud)
     height = 20 * len(lines) + 5
@@ -144,7 +144,7 @@ def _caption(picture: Pixels, words: str, box: c.Rectangle, colour: c.Colour, *,
 
 
 def _pedals(picture: Pixels, box: c.Rectangle, name: str, control: Control | None) -> None:
-    """Draw the throttle in green, the brake in red, steering as a needle."""
+    """Draw the throttle as a green bar, the brake as a red bar, and steering as a needle."""
     c.text(picture, name, (box.x, box.y + 15), size=0.48, colour=c.INK)
     throttle = c.Rectangle(box.x + 94, box.y, 72, box.height)
     brake = c.Rectangle(box.x + 170, box.y, 60, box.height)
@@ -162,7 +162,7 @@ def _pedals(picture: Pixels, box: c.Rectangle, name: str, control: Control | Non
 
 
 def _fit(picture: Pixels, pixels: Pixels, box: c.Rectangle) -> None:
-    """Draw the image as large as it goes into the box without being bent."""
+    """Draw an image as large as fits into the box at its own aspect ratio."""
     height, width = pixels.shape[:2]
     scale = min(box.width / width, box.height / height)
     wide, high = max(1, math.floor(width * scale)), max(1, math.floor(height * scale))

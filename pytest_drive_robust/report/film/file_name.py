@@ -1,4 +1,4 @@
-"""The name of a film, by which a report finds it again."""
+"""The file name of a film, by which a report finds the film of an episode."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import re
 from pytest_drive_robust.domain.episode import Episode
 
 _LONGEST_WORDS = 100
-"""Stacks of many failures are long sentences."""
+"""The most characters of words in a file name: the sentence of a large stack is long."""
 
 
 def film_name(episode: Episode) -> str:
-    """Return the file name of a film, another one for each episode. It is ASCII and in small letters.
+    """Return the file name of an episode's film, unique for each episode, in ASCII and small letters.
 
-    Its words are for people. What they leave out (signs, letters of other alphabets, where one part ends) the digest
-    tells apart.
+    The words are for people. The digest distinguishes episodes that differ only in what the words leave out: signs,
+    letters of other alphabets, the borders between parts.
 
     >>> film_name(Episode("my_agent:MyAgent", "603", "GPS noise 5 m", 0))
     'replay-my_agent-myagent-603-gps-noise-5-m-seed0-1545d8.mp4'

@@ -1,4 +1,4 @@
-"""The film of one or two tapes: position in, picture out."""
+"""The film of one or two tapes: returns the picture of each position."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BANNER_S = 1.5
 
 
 class Film:
-    """Shows `clean` on the left and `perturbed` on the right in step; one tape alone stands in the middle.
+    """Shows `clean` on the left and `perturbed` on the right, tick by tick; a single tape stands in the middle.
 
     >>> c.HEIGHT, c.WIDTH
     (720, 1280)
@@ -43,7 +43,7 @@ class Film:
 
     @property
     def rate_hz(self) -> int:
-        """Pictures per second at which the film runs in the time of the episode."""
+        """Pictures per second for a film at the speed of the episode."""
         return round(1.0 / self.dt_s)
 
     @property
@@ -52,7 +52,7 @@ class Film:
         return self.story.showing(self.dt_s)
 
     def pictures(self) -> Iterator[Pixels]:
-        """Yield the pictures in order, (720, 1280, 3) uint8 RGB; one that stands still is the same object."""
+        """Yield the pictures in order, (720, 1280, 3) uint8 RGB; a repeated picture is the same object."""
         shown, picture = -1, self._empty
         for position in self.positions:
             if position != shown:
@@ -60,7 +60,7 @@ class Film:
             yield picture
 
     def picture(self, position: int) -> Pixels:
-        """Return the world after `position` ticks: (720, 1280, 3) uint8 RGB in memory of its own."""
+        """Return a new picture of the world after `position` ticks, (720, 1280, 3) uint8 RGB."""
         picture: Pixels = self._empty.copy()
         for pane in self._panes:
             pane.draw(picture, position, twin=self._twin(pane, position))
@@ -69,7 +69,7 @@ class Film:
         return picture
 
     def sheet(self) -> Pixels:
-        """Lay the telling moments on one picture, two in a row."""
+        """Return one picture of the story's most telling moments, two in a row, RGB uint8."""
         pictures = [self.picture(position) for position in self.story.telling()]
         if len(pictures) % 2 and len(pictures) > 1:
             pictures.append(np.full_like(pictures[0], c.BACKGROUND))
@@ -77,7 +77,7 @@ class Film:
         return np.asarray(np.concatenate(rows), np.uint8)
 
     def _twin(self, pane: EpisodePane, position: int) -> EgoState | None:
-        """Return the clean ego of this moment, for the perturbed pane."""
+        """Return the clean ego at this position for the perturbed pane, None for the clean pane."""
         clean = self._panes[0]
         if pane is clean:
             return None
@@ -100,7 +100,7 @@ class Film:
 
 
 def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
-    """Return what never changes: the title and the legend of the views from above."""
+    """Return the part of the picture that never changes: the title and the legend of the views from above."""
     picture = np.full((c.HEIGHT, c.WIDTH, 3), c.BACKGROUND, np.uint8)
     episode = tapes[0].result.episode
     title = f"{episode.agent} on {episode.route_id} {tapes[0].result.scenario}, seed {episode.seed}"

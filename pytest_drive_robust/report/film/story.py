@@ -1,4 +1,4 @@
-"""What there is to tell about two tapes: where they part, what goes wrong when, and how long to look at it."""
+"""The story of two tapes: where the egos part, what goes wrong when, and how long the film shows each moment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _HOLD_S = 1.0
 _LAST_HOLD_S = 2.0
 _STILL_MPS = 0.05
 _STILL_S = 3.0
-"""When nobody moves for longer, the film skims what comes after so many seconds."""
+"""Seconds without motion after which the film skims."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,9 +31,9 @@ class StoryEvent:
 class Story:
     """The plot of a film.
 
-    `length` is the last position: position `k` is the world after `k` ticks, and an episode that is over stays at its
-    end. `divergence` is the position of the first divergence with what had parted by then, or None. `events` are one
-    entry for each tape. In the `skimmed` positions nobody has moved for long and nothing happens.
+    `length` is the last position: position `k` is the world after `k` ticks, and a finished episode stays at its end.
+    `divergence` is (position, signal) of the first divergence, or None. `events` holds the events of each tape. In the
+    `skimmed` positions no ego has moved for long and nothing happens.
     """
 
     length: int
@@ -42,10 +42,10 @@ class Story:
     skimmed: frozenset[int] = frozenset()
 
     SKIM: ClassVar[int] = 8
-    """Of a skimmed stretch one position in so many is shown."""
+    """A film shows one of this many positions of a skimmed stretch."""
 
     def showing(self, dt_s: float) -> list[int]:
-        """Return the positions in the order in which a film shows them: it stands still where something happens."""
+        """Return the positions in the order of showing; a position is repeated where something happens."""
         pauses = {item.tick for items in self.events for item in items}
         if self.divergence is not None:
             pauses.add(self.divergence[0])
@@ -57,7 +57,7 @@ class Story:
         return shown + [self.length] * round(_LAST_HOLD_S / dt_s)
 
     def telling(self) -> list[int]:
-        """Return the positions for a picture strip: start, divergence, infractions, end; at most six."""
+        """Return the positions for a contact sheet, at most six: start, divergence, infractions, end."""
         happened = sorted({item.tick for items in self.events for item in items})
         first = [] if self.divergence is None else [self.divergence[0]]
         kept = [0, *first, *happened[: _MOST_TELLING - 2 - len(first)], self.length]
@@ -65,7 +65,7 @@ class Story:
 
 
 def story_of(tapes: tuple[Tape, ...]) -> Story:
-    """Tell the story of a clean and a perturbed tape, or of one alone."""
+    """Return the story of a clean and a perturbed tape, or of a single tape."""
     results = tuple(tape.result for tape in tapes)
     events = tuple(_events(result) for result in results)
     return Story(
@@ -77,7 +77,7 @@ def story_of(tapes: tuple[Tape, ...]) -> Story:
 
 
 def _skimmed(tapes: tuple[Tape, ...], busy: set[int]) -> frozenset[int]:
-    """Return the positions of long waits. An episode that is over does not move either."""
+    """Return the positions of long waits; a finished episode counts as not moving."""
     patience = round(_STILL_S / tapes[0].result.dt_s)
     found: set[int] = set()
     stood = 0

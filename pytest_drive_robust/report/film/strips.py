@@ -1,4 +1,4 @@
-"""The strips below the panes: speed, pedals and steering over time, clean against perturbed, and what happened."""
+"""Draws the strips below the panes: speed, pedals and steering over time for both egos, failures and events."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class _Strip:
 
 
 class Strips:
-    """Painted once for a film; only the line of the present moment moves."""
+    """The strips of a film, painted once; only the line of the present moment moves."""
 
     def __init__(self, results: Sequence[EpisodeResult], story: Story) -> None:
         self._story = story
@@ -46,7 +46,7 @@ class Strips:
         self._picture = self._painted(results)
 
     def draw(self, picture: Pixels, position: int) -> None:
-        """Draw the strips at a position of the film: what is still to come is dimmed."""
+        """Draw the strips at a position of the film, with the time after it dimmed."""
         area = AREA.of(picture)
         area[:] = self._picture
         now = self._column(position)
@@ -63,7 +63,7 @@ class Strips:
         return _LEFT + round((_RIGHT - _LEFT - 1) * position / max(self._story.length, 1))
 
     def _painted(self, results: Sequence[EpisodeResult]) -> Pixels:
-        """Paint the whole area as it looks when everything has happened."""
+        """Return the strips as they look at the end of the film."""
         whole = np.zeros((AREA.bottom, AREA.width, 3), np.uint8)
         c.fill(whole, AREA, c.BACKGROUND)
         self._scale(whole)
@@ -117,7 +117,7 @@ class Strips:
         return strip.box.bottom - 1 - round(share * (strip.box.height - 1))
 
     def _failures(self, picture: Pixels, result: EpisodeResult) -> None:
-        """Draw when the perturbation was at work."""
+        """Draw the ticks in which a failure was active."""
         c.fill(picture, _FAILURE, c.PANEL)
         c.text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
         for span in result.schedule:
@@ -125,7 +125,7 @@ class Strips:
             c.fill(picture, c.Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), c.PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
-        """Draw lines through all strips at the first divergence and every infraction, words where there is room."""
+        """Draw lines through all strips at the first divergence and every infraction, with words if there is room."""
         bottom = self._strips[-1].box.bottom
         marks = [(self._column(event.tick), event.words, c.WRONG) for items in self._story.events for event in items]
         if self._story.divergence is not None:
@@ -144,7 +144,7 @@ class Strips:
     def _name(
         self, picture: Pixels, words: str, x: int, colour: c.Colour, others: Sequence[int], *, first: bool
     ) -> None:
-        """Write the words right of a mark, or left of the first one; nothing where another mark is in the way."""
+        """Write the words right of a mark, or left of the first mark; nothing if another mark is in the way."""
         need = c.text_width(words, _MARK_SIZE) + 24
         if x + need <= min((other for other in others if other > x), default=_RIGHT + 12):
             c.text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
@@ -153,6 +153,6 @@ class Strips:
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:
-    """Return speed in km/h, throttle minus brake, steering."""
+    """Return speed in km/h, throttle minus brake and steering, each (ticks,)."""
     column = result.trace.column
     return column("speed_mps") * 3.6, column("throttle") - column("brake"), column("steer")

@@ -1,4 +1,4 @@
-"""One moment from above, the ego driving upwards: map, route, actors, lamps, and what the agent means to do."""
+"""Draws one moment from above, with the ego driving upwards: map, route, actors, lamps, and the agent's plan."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ROUTE: Colour = (178, 160, 255)
 PATH: Colour = (255, 40, 40)
 TARGET_POINT: Colour = (40, 110, 255)
 SPEED_POINT: Colour = (40, 220, 80)
-"""Of the plan: as in the paper's figures."""
+"""The colours of the plan are those of the paper's figures."""
 
 _PX_PER_M = 8.0
 _BEHIND = 0.24
@@ -34,7 +34,7 @@ _VEHICLE: Colour = (222, 222, 226)
 
 
 def is_misplaced(moment: TapedMoment) -> bool:
-    """Return True when the agent was told a place that is not the ego's."""
+    """Return True when the agent was given a location more than 0.3 m away from the ego."""
     if moment.gps is None:
         return False
     ego = moment.state.ego
@@ -42,13 +42,13 @@ def is_misplaced(moment: TapedMoment) -> bool:
 
 
 class GroundPicture:
-    """The map of a film painted once: everything that does not move, 75 m around the route."""
+    """The ground of a film, painted once: everything that does not move, up to 75 m around the route."""
 
     def __init__(self, lane_map: LaneMap, route: Floats) -> None:
         low, high = route[:, :2].min(axis=0) - _MARGIN_M, route[:, :2].max(axis=0) + _MARGIN_M
         texel_m = max(_FINEST_TEXEL_M, math.sqrt(float(np.prod(high - low)) / _MOST_TEXELS))
         region = Region.around(route[:, :2], _MARGIN_M, texel_m=texel_m)
-        # only a little brighter than the window: what moves shall stand out
+        # dimmed, so that moving things stand out
         self.pixels: Pixels = np.asarray(ground_picture(lane_map, region).pixels // 2 + 12, np.uint8)
         self.region = region
         self.stop_lines = lane_map.stop_lines
@@ -113,7 +113,7 @@ def _plan(sketch: Sketch, plan: PlannedPath) -> None:
 
 
 def _cross(sketch: Sketch, place: tuple[float, float]) -> None:
-    """Mark where the agent is told that it is."""
+    """Draw a cross at the location that the agent was given."""
     x, y = sketch.point(place)
     arm = 7 << _BITS
     for thickness, paint in ((5, OUTLINE), (2, INK)):

@@ -1,4 +1,4 @@
-"""A comparison with another run as plain data: what got worse and by how much, and which routes flipped."""
+"""A comparison with another run as plain data: changes of the metrics, and the routes that flipped."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_drive_robust.stats.intervals import mean_interval
 
 
 def comparison_data(comparison: Comparison) -> dict[str, Any]:
-    """Return everything about a comparison; of one that is refused no settings, but why."""
+    """Return a comparison as plain data; for a refused comparison the reasons instead of the settings."""
     refused = bool(comparison.refusals)
     return {
         "before": comparison.before.label,
@@ -31,7 +31,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
 
 
 def flipped(comparison: Comparison, before: RunRecords) -> Iterator[Episode]:
-    """Yield the episodes of the run before that have a part in a flip, as far as that run holds them."""
+    """Yield the episodes of the run `before` on routes that flipped, if that run holds the episode."""
     if comparison.refusals:
         return
     for cell in comparison.cells:
@@ -61,7 +61,7 @@ def _setting(comparison: Comparison, cell: CellComparison) -> dict[str, Any]:
 
 
 def _ds_change(comparison: Comparison, cell: CellComparison) -> list[float] | None:
-    """Return the mean change of DS over the routes of both runs, with its 95 % interval; None where none is shared."""
+    """Return [mean, low, high] of the change of DS over common routes (95 % interval), or None without any."""
     after = comparison.after.cells.get((cell.agent, cell.setting))
     old = comparison.before.cells.get((cell.agent_before, cell.setting))
     if after is None or old is None:

@@ -1,4 +1,4 @@
-"""The episodes of a run as columns: what tables, filters and links are made of."""
+"""The episodes of a run as columns, for the tables, filters and links of the pages."""
 
 from __future__ import annotations
 
@@ -17,15 +17,16 @@ from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, fir
 
 
 class EpisodeTable:
-    """Rows that refer to each other by their number; words that come often are kept once, in `words`."""
+    """The table of episodes. Rows refer to each other by number; repeated texts are kept once, in `words`."""
 
     COLUMNS = (
         "run", "agent", "setting", "route", "seed", "outcome", "end", "story", "ds", "success", "completion",
         "efficiency", "comfort", "seconds", "dt", "wall", "clean", "twin", "parted", "partedBy", "events", "spans",
         "trace", "key",
     )  # fmt: skip
-    """`run` is 0 for the run and 1 for the one that it is compared with; words are numbers into `words`; `dt` is the
-    tick in seconds; `clean` is 1 under a setting that others are compared with."""
+    """The columns of a row. `run` is 0 for the run and 1 for the run that it is compared with; texts are numbers into
+    `words`; `dt` is the tick in seconds; `clean` is 1 under a clean setting.
+    """
 
     def __init__(self) -> None:
         self.results: list[EpisodeResult] = []
@@ -34,11 +35,11 @@ class EpisodeTable:
         self.words: dict[str, int] = {}
 
     def word(self, text: str) -> int:
-        """Return the number of a text."""
+        """Return the number of a text in `words`; add the text if it is new."""
         return self.words.setdefault(text, len(self.words))
 
     def add(self, records: RunRecords, episodes: Iterable[Episode], *, run: int = 0) -> None:
-        """Add episodes of a run with their clean twins, where they are not there yet."""
+        """Add episodes of a run with their clean twins; episodes that the table already holds are skipped."""
         for episode in episodes:
             if (run, episode) in self.numbers or episode not in records.results:
                 continue
@@ -52,7 +53,7 @@ class EpisodeTable:
             self.rows.append(self._row(records, result, twin, twin_number, run=run))
 
     def as_data(self) -> dict[str, Any]:
-        """Return columns by name, and the words."""
+        """Return the columns by name, and the texts as `words`."""
         columns = zip(*self.rows, strict=True) if self.rows else ((),) * len(self.COLUMNS)
         return {
             **{name: list(column) for name, column in zip(self.COLUMNS, columns, strict=True)},
@@ -96,7 +97,7 @@ class EpisodeTable:
         ]
 
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
-        """Return kind, second, sentence and place in cm of every infraction, by time; None for what is not known."""
+        """Return kind, second, sentence and place in cm of every infraction, by time; None for unknown values."""
         return [
             [self.word(item.kind.value), _second(item, result.dt_s), self.word(item.detail), *_place(item)]
             for item in sorted(result.infractions, key=lambda event: event.tick)
@@ -109,8 +110,9 @@ def _second(item: Infraction, dt_s: float) -> float | None:
 
 
 def _place(item: Infraction) -> tuple[int | None, int | None]:
-    """Return where it happened in cm; None for a kind without a place, and where the place is not known."""
-    untold = (item.tick, item.x_m, item.y_m) == (0, 0.0, 0.0)  # by an official message, see `official_record.place_of`
+    """Return x and y of an infraction in cm; (None, None) for a kind without a place or an unknown place."""
+    # an official message may lack the place, see `official_record.place_of`
+    untold = (item.tick, item.x_m, item.y_m) == (0, 0.0, 0.0)
     if item.kind in PLACELESS or untold or not (math.isfinite(item.x_m) and math.isfinite(item.y_m)):
         return None, None
     return round(item.x_m * 100.0), round(item.y_m * 100.0)

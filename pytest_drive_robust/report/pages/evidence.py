@@ -1,4 +1,4 @@
-"""How the evidence for a verdict grew, route by route, and which routes are behind it."""
+"""Computes how the evidence for a verdict grew, route by route, and the routes behind the verdict."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pytest_drive_robust.runner.plan import planned_order
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 
 _MOST_POINTS = 30
-"""An interval over hundreds of routes takes milliseconds: of long readings not every step is computed."""
+"""The most steps to compute: an interval over hundreds of routes takes milliseconds."""
 
 
 def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
-    """Return the ids of the routes behind a verdict, in the order in which they were read."""
+    """Return the ids of the routes behind a verdict, in the order of reading."""
     agent, setting = judged["agent"], judged["setting"]
     routes = records.routes.get(judged["routes_spec"], ())
     if routes:
@@ -31,9 +31,9 @@ def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
 
 
 def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str]) -> list[list[float | None]]:
-    """Return [routes read, value, low, high] for a growing number of routes; no bounds where no evidence was read.
+    """Return [routes read, value, low, high] for a growing number of routes; the bounds are None unless by evidence.
 
-    Empty where a metric has no value by route, or the episodes cannot be scored.
+    Empty when the metric has no value by route, or the episodes cannot be scored.
     """
     metric = METRICS.get(judged["metric"])
     if metric is None or not order:
@@ -43,7 +43,7 @@ def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str])
     clean = records.of_setting(agent, records.baseline(setting), order, seeds) if metric.needs_clean else []
     try:
         values, references = metric.by_route(results, clean=clean, mode=records.mode)
-    except (ComparisonError, ValueError):  # a trace that is not there gives no comfort
+    except (ComparisonError, ValueError):  # for example comfort without a stored trace
         return []
     alpha = records.alpha if judged["rule"] == "evidence" else None
     return [
@@ -76,12 +76,12 @@ def _step(
 
 
 def bound(value: float | None) -> float | None:
-    """Return the end of an interval, None where it says nothing."""
+    """Return the end of an interval, or None when the end is infinite, huge or missing."""
     return value if value is not None and abs(value) < 1e9 else None
 
 
 def _counts(length: int) -> list[int]:
-    """Return 1, 2, 3, ... up to `length`, with gaps where it is long."""
+    """Return 1, 2, 3, ... up to `length`, with gaps if there are more than `_MOST_POINTS`."""
     if length <= _MOST_POINTS:
         return list(range(1, length + 1))
     step = (length - 1) / (_MOST_POINTS - 1)

@@ -25,14 +25,14 @@ from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.store.whole_file import write_whole
 
 MARK = "drive-robust-report.txt"
-"""Lies in every folder that we wrote: only such a one is written over."""
+"""The file that marks a folder as a report; only a marked folder is replaced."""
 _PARTS = ("data", "static", "films", "index.html")
 _SAYS = "A report of pytest-drive-robust: open index.html. The next report that is written here replaces this one.\n"
 _MOST_NAMED = 3
 
 
 def check_folder(folder: Path, *, source: str) -> None:
-    """Raise `UsageError`, naming `source`, for a folder that holds other things than a report or cannot be made."""
+    """Raise `UsageError`, naming `source`, for a file, or for a folder that holds other things than a report."""
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{source} is {str(folder)!r}, which is a file; expected a folder, as in {source} report.")
     if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
@@ -50,12 +50,13 @@ def write_pages(
     before: RunRecords | None = None,
     films: Iterable[Path] = (),
 ) -> Path:
-    """Write the report and return its page. What an earlier one left in `folder` goes. Raises `UsageError`, `OSError`.
+    """Write the report to `folder` and return the path of its page; an earlier report is replaced.
 
-    The parts of an earlier report are replaced when all of the new one is written, so that a full disk leaves the
-    earlier one, and two runs that write at the same time leave one of both.
+    The earlier report is replaced after the whole new report is written, so that a full disk leaves the earlier report,
+    and two runs that write at the same time leave the report of one of them.
 
-    `films` are videos of `drive-robust replay`, found again by their names (`film_name`).
+    `films` are videos of `drive-robust replay`, matched to episodes by their names (`film_name`). Raises `UsageError`
+    for an unusable folder, a film inside `folder` or a damaged run, `OSError` when writing fails.
     """
     check_folder(folder, source="the folder of the report")
     films = tuple(films)
@@ -88,7 +89,7 @@ def write_pages(
 
 
 def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> None:
-    """Write one file for each route, in the order of the episodes: its world, and the motion of all episodes on it."""
+    """Write one file per route, in the order of the episodes: its world, and the motion of its episodes."""
     of_route: dict[str, list[int]] = {}
     for number, result in enumerate(table.results):
         of_route.setdefault(result.episode.route_id, []).append(number)
@@ -96,14 +97,14 @@ def _write_routes(folder: Path, records: RunRecords, table: EpisodeTable, maps: 
         seeds = sorted({table.results[number].episode.seed for number in numbers})
         truths = {seed: maps.truth(records.route(route_id), seed) for seed in seeds}
         maps_of = {str(seed): map_data(truth) for seed, truth in truths.items() if truth is not None}
-        if maps_of and len({id(truth) for truth in truths.values()}) == 1:  # one world whatever the seed
+        if maps_of and len({id(truth) for truth in truths.values()}) == 1:  # one world for all seeds
             maps_of = {"any": next(iter(maps_of.values()))}
         motions = {str(n): [motion_text(table.results[n]), tracks_text(table.results[n])] for n in numbers}
         write_whole(folder / f"route-{place}.js", _script(f"route-{place}", {"maps": maps_of, "episodes": motions}))
 
 
 def _spelled_out(data: Any) -> Any:
-    """Return plain data whose half characters (see `legible`) are spelled out: no browser makes a link of one."""
+    """Return plain data with lone surrogates spelled out (see `legible`), because browsers cannot link to them."""
     if isinstance(data, str):
         return legible(data, controls=True)
     if isinstance(data, Mapping):
@@ -112,13 +113,13 @@ def _spelled_out(data: Any) -> Any:
 
 
 def _script(name: str, data: Mapping[str, Any]) -> str:
-    """Return a script that hands plain data over: a page on a disk may load scripts, and nothing else."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII, so no odd line end is in it
+    """Return a script that passes plain data to the page: a page on a disk may load scripts, and nothing else."""
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII, so without unusual line separators
     return f"driveRobust.give({json.dumps(name)}, {text.replace('<', chr(92) + 'u003c')});\n"
 
 
 def _page(data: Mapping[str, Any]) -> str:
-    """Return the page. What is in it of the run is escaped by jinja2; everything else comes in by the scripts."""
+    """Return the HTML of the page. jinja2 escapes the data in it; the scripts insert all other data."""
     import jinja2
 
     template = resources.files(__package__).joinpath("templates").joinpath("index.html.j2").read_text(encoding="utf-8")
@@ -135,10 +136,10 @@ def _copy_static(folder: Path) -> None:
 
 
 def _copy_films(folder: Path, films: Iterable[Path], results: Sequence[EpisodeResult]) -> dict[int, str]:
-    """Copy the videos of these episodes; return their names by the number of the episode."""
+    """Copy the videos of these episodes; return the file names by the number of the episode."""
     numbers: dict[str, int] = {}
     for number, result in enumerate(results):
-        numbers.setdefault(film_name(result.episode), number)  # the run itself comes before the one before
+        numbers.setdefault(film_name(result.episode), number)  # the run wins over the run that it is compared with
     found = {numbers[film.name]: film for film in films if film.name in numbers}
     for film in found.values():
         (folder / "films").mkdir(exist_ok=True)
@@ -147,7 +148,7 @@ def _copy_films(folder: Path, films: Iterable[Path], results: Sequence[EpisodeRe
 
 
 def _strangers(films: Iterable[Path], shown: Iterable[str]) -> list[str]:
-    """Return a note that names the films that no page shows."""
+    """Return a note that names the films of no shown episode; an empty list when there is none."""
     names = sorted({film.name for film in films}.difference(shown))
     if not names:
         return []
@@ -155,7 +156,7 @@ def _strangers(films: Iterable[Path], shown: Iterable[str]) -> list[str]:
 
 
 def _put_in_place(made: Path, folder: Path, part: str) -> None:
-    """Move a part of a report, where it has one, from `made` to `folder`, and what stood there to `made`."""
+    """Move a part of the new report, if present, from `made` to `folder`, and the earlier part to `made`."""
     if os.path.lexists(folder / part):
         os.replace(folder / part, made / f"former-{part}")
     if (made / part).exists():

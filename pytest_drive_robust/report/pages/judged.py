@@ -1,4 +1,4 @@
-"""A requirement as plain data: value and limit, what the verdict promises, the routes that explain it."""
+"""A requirement as plain data: value and limit, the promise of the verdict, the routes that explain the verdict."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NAMES = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "
 
 
 def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any]) -> dict[str, Any]:
-    """Return everything that the page of a requirement shows; episodes by their numbers in `table`."""
+    """Return the data of a requirement's page; episodes are given by their numbers in `table`."""
     is_error = judged["verdict"] == "error"
     order = [] if is_error else reading_order(records, judged)
     metric = _metric(judged["metric"])
@@ -51,30 +51,30 @@ def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[s
 
 
 def level_text(rule: str, alpha: float) -> str:
-    """Return how sure an interval is: `"90 %"`."""
+    """Return the confidence of an interval as text, such as `"90 %"`."""
     return f"{100.0 * confidence(rule, alpha):.3g} %"
 
 
 def _metric(name: str) -> Metric | None:
     try:
         return known_metric(name)
-    except (DriveRobustError, ImportError):  # of a plugin that is not here
+    except (DriveRobustError, ImportError):  # the plugin with the metric is not installed here
         return None
 
 
 def _lenient(records: RunRecords, judged: Mapping[str, Any], metric: Metric) -> float | None:
-    """Return what a pass from evidence is better than; None by other rules."""
+    """Return the limit with the margin added, which a pass from evidence is better than; None by other rules."""
     if judged.get("rule") != "evidence":
         return None
     limit, margin = float(judged["limit"]), judged.get("margin")
     if margin is not None:
         return round(limit + float(margin) if judged["comparison"] == "<=" else limit - float(margin), 12)
-    usual = records.document["settings"].get("margin")  # a run of before: verdicts did not tell theirs
+    usual = records.document["settings"].get("margin")  # older runs have no margin in their verdicts
     return lenient_limit(metric, judged["comparison"], limit, VerdictRule("evidence", margin=usual)) if usual else None
 
 
 def _promise(judged: Mapping[str, Any], metric: Metric | None, lenient: float | None, alpha: float) -> str:
-    """Return what a pass or a fail says, as a sentence; empty for other verdicts."""
+    """Return the promise of a pass or a fail as a sentence; empty for other verdicts."""
     verdict, rule = judged["verdict"], judged.get("rule", "")
     if verdict not in ("pass", "fail"):
         return ""
@@ -92,9 +92,9 @@ def _promise(judged: Mapping[str, Any], metric: Metric | None, lenient: float | 
 def _worst(
     records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any], metric: Metric, order: Sequence[str]
 ) -> list[list[Any]]:
-    """Return [episode, clean value, value] of the routes that a message in the terminal names.
+    """Return [episode number, clean value, value] of the worst routes, as the terminal's message names them.
 
-    The values are those of the metric by which a route is one of the worst, None where that is the driving score.
+    The values are of the metric that ranked the route, None when the driving score ranked it.
     """
     agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
     perturbed = _scored(records.of_setting(agent, setting, order, seeds))
@@ -118,7 +118,7 @@ def _scored(results: Sequence[EpisodeResult]) -> list[EpisodeResult]:
 
 
 def _broken(records: RunRecords, table: EpisodeTable, judged: Mapping[str, Any], metric: Metric | None) -> list[int]:
-    """Return the episodes that ended in an error, of which a verdict may say no more than that it is one."""
+    """Return the numbers of the episodes that ended in an error, as an explanation of an error verdict."""
     routes = {route.id for route in records.routes.get(judged["routes_spec"], ())}
     settings = {judged["setting"]}
     if metric is not None and metric.needs_clean:

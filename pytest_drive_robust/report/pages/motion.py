@@ -1,4 +1,4 @@
-"""One episode as few bytes for a browser: the ego at 10 Hz, what the agent was told, and the stored tracks.
+"""Packs one episode into few bytes for a browser: the ego at 10 Hz, the signals given to the agent, the stored tracks.
 
 ::
 
@@ -7,8 +7,8 @@
                   thousandths, progress in dm (differences)
     told          tick, GPS x and y in dm, speed in dm/s, age of the oldest image in ticks (differences)
 
-Tables lie as in `store.track_bytes`; row `k` of the ego is the world after `k * every + 1` ticks. What no failure
-touched of what the agent was told is `UNTOUCHED`.
+Tables are packed as in `store.track_bytes`; row `k` of the ego is the world after `k * every + 1` ticks. A told signal
+that no failure touched is `UNTOUCHED`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LEVEL = 6
 
 
 def motion_text(result: EpisodeResult) -> str:
-    """Return the ego and what it was told in base64; empty where no trace is stored."""
+    """Return the motion of the ego and the told signals in base64; empty when no trace is stored."""
     if not result.ticks or not len(result.trace.rows):
         return ""
     columns = np.column_stack(result.trace.columns(*_COLUMNS))[::_EVERY_TICKS]
@@ -50,12 +50,12 @@ def motion_text(result: EpisodeResult) -> str:
 
 
 def tracks_text(result: EpisodeResult) -> str:
-    """Return the stored tracks in base64; empty where none are."""
+    """Return the stored tracks in base64; empty when no tracks are stored."""
     return "" if result.tracks is None else b64encode(pack_tracks(result.tracks)).decode("ascii")
 
 
 def _told(result: EpisodeResult) -> NDArray[np.int32]:
-    """Return the signals that the agent got, where a failure may have changed them; no row where it changed nothing."""
+    """Return the given signals that a failure touched, (rows, 5); no row when no failure touched any of them."""
     reception, given = result.reception, result.given
     if given is None or reception is None or not reception.touched or not len(given.rows):
         return np.zeros((0, 5), np.int32)
@@ -74,5 +74,5 @@ def _told(result: EpisodeResult) -> NDArray[np.int32]:
 
 
 def _whole(table: NDArray[np.float64]) -> NDArray[np.int32]:
-    """Return whole numbers; what is none becomes 0, what is too large the largest: a picture of it says as much."""
+    """Return the table rounded to int32; NaN becomes 0 and large values are clipped, which is enough for drawing."""
     return np.clip(np.nan_to_num(np.round(table)), -_MOST, _MOST).astype(np.int32)

@@ -1,4 +1,4 @@
-"""Everything that the pages of a run show but the motion of its episodes, as one plain document."""
+"""The data of a run's pages as one plain document, without the motion of the episodes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def run_data(
     comparison: Comparison | None,
     before: RunRecords | None,
 ) -> dict[str, Any]:
-    """Return the document of the pages, and fill `table` with the episodes that they show."""
+    """Return the document of the pages, and fill `table` with the episodes that the pages show."""
     document = records.document
     table.add(records, records.results)
     if comparison is not None and before is not None:
@@ -86,7 +86,7 @@ def _finite(bounds: Sequence[float | None] | None) -> Sequence[float | None] | N
 
 
 def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
-    """Return each route of the episodes once; the number of a route is that of its file."""
+    """Return each route of the episodes once; the place of a route in the list is the number of its data file."""
     found: dict[str, dict[str, Any]] = {}
     for result in table.results:
         route_id = result.episode.route_id
@@ -97,7 +97,7 @@ def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
         known = spec == records.document["settings"]["simulator"] or ships(spec)
         found[route_id] = {
             "id": route_id,
-            # where it is found again, unless by its id alone
+            # the file to find the route in; empty if the id is enough
             "file": "" if known else spec,
             "scenario": result.scenario,
             "town": "" if route is None else route.town,
@@ -109,7 +109,7 @@ def _routes(records: RunRecords, table: EpisodeTable) -> list[dict[str, Any]]:
 
 
 def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[dict[str, Any]]:
-    """Return the groups of episodes of the run that broke."""
+    """Return the groups of the run's episodes that broke."""
     numbered = [(table.numbers[0, episode], result) for episode, result in records.results.items()]
     roads: dict[int, Road] = {}
 
@@ -126,7 +126,7 @@ def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[
 
 
 def _missing(records: RunRecords) -> list[str]:
-    """Return what was not driven and why, a sentence for each setting."""
+    """Return a sentence for each setting with episodes not driven, and one for episodes without a stored trace."""
     lines = []
     for row in records.document["summaries"]:
         left = row["episodes_needed"] - row["episodes_finished"]
