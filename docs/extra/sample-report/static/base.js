@@ -1,5 +1,5 @@
 "use strict";
-/* What every view uses: data that scripts hand over, elements, links, numbers and words. */
+/* Helpers of every view: data that scripts pass to the page, elements, links, numbers and words. */
 const driveRobust = (() => {
   const given = new Map();
   const waiting = new Map();
@@ -29,7 +29,7 @@ const driveRobust = (() => {
   const NS = "http://www.w3.org/2000/svg";
   const SVG = new Set(["svg", "g", "path", "line", "circle", "rect", "text", "polyline", "polygon", "title", "desc"]);
 
-  /* Make an element: h("a", {href: "#/"}, "text", child). All text is put in as text, never as markup. */
+  /* Return a new element: h("a", {href: "#/"}, "text", child). Text is inserted as text, never as markup. */
   function h(name, attributes, ...children) {
     const svg = SVG.has(name) || name === "svg:a";
     const element = svg ? document.createElementNS(NS, name.replace("svg:", "")) : document.createElement(name);
@@ -62,7 +62,7 @@ const driveRobust = (() => {
     return { parts, query: new URLSearchParams(search || "") };
   }
 
-  /* Change what stands behind the question mark without leaving the view. */
+  /* Change the part of the address after the question mark without leaving the view. */
   function keep(query) {
     const { parts } = place();
     history.replaceState(null, "", link(parts, query));
@@ -70,7 +70,7 @@ const driveRobust = (() => {
 
   /* --- numbers and words --- */
   const MINUS = "\u2212";
-  /* The size of a value as Python rounds it: of two ends as near the even one, where toFixed takes the larger. */
+  /* Return the size of a value rounded as Python does: half to even, where toFixed rounds half up. */
   function rounded(value, decimals) {
     const text = Math.abs(value).toFixed(decimals);
     const halfway = (Math.abs(value) * 2 ** (decimals + 1)) % 2 === 1;
@@ -81,12 +81,12 @@ const driveRobust = (() => {
     const text = rounded(value, decimals);
     return value < 0 && Number(text) !== 0 ? MINUS + text : text;
   }
-  /* Every metric as in the terminal (report/numbers.py). */
+  /* Metrics have as many decimals as in the terminal (report/numbers.py). */
   const DECIMALS = 2;
   function shown(value) {
     return fixed(value, DECIMALS);
   }
-  /* A value where its limit stands beside it: with as many more decimals as tell the two apart. */
+  /* Return a value with as many decimals as it takes to tell the value from the limit beside it. */
   function shownBeside(value, limit) {
     if (value === null || value === undefined) return fixed(value, 0);
     const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
@@ -94,7 +94,7 @@ const driveRobust = (() => {
     while (decimals < 9 && side(Math.sign(value) * rounded(value, decimals)) !== side(value)) decimals += 1;
     return fixed(value, decimals);
   }
-  /* A limit as its requirement states it. */
+  /* Return a limit as its requirement states it. */
   function shownLimit(metric, limit) {
     const decimals = given.get("run").metrics[metric]?.decimals ?? 0;
     return Number(limit.toFixed(decimals)) === limit ? fixed(limit, decimals) : String(limit).replace("-", MINUS);
@@ -107,7 +107,7 @@ const driveRobust = (() => {
     const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(value));
     return `${word(low)} to ${word(high)}`;
   }
-  /* A time of an episode as sentences of Python round it (verdict/explain.py): 7.25 is 7.3. */
+  /* Return a time of an episode rounded as in the sentences of verdict/explain.py: 7.25 is 7.3. */
   function seconds(value) {
     return `${fixed(Math.floor(Number((10 * value).toFixed(6)) + 0.5) / 10, 1)} s`;
   }

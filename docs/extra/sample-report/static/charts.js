@@ -3,7 +3,7 @@
 driveRobust.charts = (() => {
   const { h, fixed, shown, shownBeside, shownLimit, between, counted } = driveRobust;
 
-  /* Return [low, high] of an axis that shows all values, with some air. Ends of RD are halves, to be read at a glance. */
+  /* Return [low, high] of an axis that shows all values, with some room. Ends of RD are multiples of a half. */
   function extent(values, metric) {
     const known = values.filter((value) => value !== null && value !== undefined && Number.isFinite(value));
     let [low, high] = [Math.min(...known), Math.max(...known)];
@@ -28,7 +28,7 @@ driveRobust.charts = (() => {
     return extent(items.filter((item) => item.metric === metric).flatMap((item) => [item.value, item.low, item.high, item.limit]), metric);
   }
 
-  /* An interval, the value in it and the limit, on one line from `low` to `high`, which are written where `ends` says so. */
+  /* Draw an interval, its value and the limit on a line from `low` to `high`; `ends` also writes these two. */
   function bullet(item, [low, high], ends) {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
     const [width, height] = [200, ends ? 32 : 22];
@@ -51,7 +51,7 @@ driveRobust.charts = (() => {
     return fixed(value, Number.isInteger(value) ? 0 : Number.isInteger(2 * value) ? 1 : 2);
   }
 
-  /* How the value and its interval changed with every route that was read. */
+  /* Draw how the value and its interval changed with every route that was read. */
   function growth(item) {
     const [width, height, margin] = [640, 300, { left: 68, right: 16, top: 14, bottom: 44 }];
     const points = item.growth.filter((point) => point[1] !== null);
@@ -95,7 +95,7 @@ driveRobust.charts = (() => {
     return svg;
   }
 
-  /* Clean score across, perturbed score up; each point is a link. `pairs` are [clean, perturbed, link, words]. */
+  /* Draw perturbed scores over clean scores; each point is a link. `pairs` are [clean, perturbed, link, words]. */
   function scatter(pairs, label) {
     const [width, height, margin] = [400, 400, { left: 58, right: 24, top: 14, bottom: 46 }];
     const x = (value) => margin.left + (value / 100) * (width - margin.left - margin.right);
@@ -121,7 +121,7 @@ driveRobust.charts = (() => {
     return svg;
   }
 
-  /* A change with its interval around zero, of a metric of which more is better. */
+  /* Draw a change with its interval around zero, for a metric of which more is better. */
   function change([mean, low, high], reach, words) {
     const [width, height] = [150, 22];
     const x = (value) => width / 2 + (Math.min(Math.max(value, -reach), reach) / reach) * (width / 2 - 5);

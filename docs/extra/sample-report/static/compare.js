@@ -1,8 +1,8 @@
 "use strict";
-/* Two runs: what got worse, what flipped, by how much. */
+/* The view of two runs: the metrics that got worse, by how much, and the routes that flipped. */
 driveRobust.views.set("compare", (() => {
   const { h, fixed, signed, shown, badge, counted, scroller } = driveRobust;
-  /* By the word that the conclusion begins with, where it is not good. */
+  /* The heading of a conclusion that is not good, by the words that the conclusion begins with. */
   const HEADS = { "NOT COMPARED": "Not compared", "NOT JUDGED": "Not judged", INCONCLUSIVE: "Inconclusive", REGRESSION: "It got worse" };
 
   function render() {

@@ -34,7 +34,7 @@ driveRobust.episodes = (() => {
     return all().filter((episode) => episode.run === 0);
   }
 
-  /* The agents of the run: where there are several, an episode is not known by its setting and route. */
+  /* The agents of the run: with several agents, setting and route do not identify an episode. */
   function agents() {
     return [...new Set(own().map((episode) => episode.agent))];
   }
@@ -43,7 +43,7 @@ driveRobust.episodes = (() => {
     return all().find((item) => item.run === run && item.agent === agent && item.setting === setting && item.route === route && item.seed === seed);
   }
 
-  /* The same episode in the other run, where its agent may have another name. */
+  /* Return the episode of the other run on equal setting, route and seed; its agent may have another name. */
   function counterpart(episode) {
     const { comparison } = driveRobust.given.get("run");
     const [here, there] = episode.run ? ["agentBefore", "agent"] : ["agent", "agentBefore"];
@@ -51,13 +51,13 @@ driveRobust.episodes = (() => {
     return cell && find(1 - episode.run, cell[there], episode.setting, episode.route, episode.seed);
   }
 
-  /* The link of an episode, at a second. */
+  /* Return the link to a second of an episode. */
   function href(episode, second, query) {
     const words = { t: second === undefined || second === null ? "" : Math.max(0, second).toFixed(1), run: episode.run ? "before" : "", ...query };
     return driveRobust.link(["episode", episode.agent, episode.setting, episode.route, episode.seed], words);
   }
 
-  /* The second to look at first: a little before the first thing that went wrong, or before the two parted. */
+  /* Return the second to show first: a little before the first infraction, or before the two egos parted. */
   function moment(episode) {
     const first = episode.events.find((event) => event.x !== null && event.second !== null);
     if (first) return first.second - 3;
@@ -92,7 +92,7 @@ driveRobust.episodes = (() => {
     }
   }
 
-  /* Turn differences into sums, anew at each of `starts`. */
+  /* Turn differences into sums, starting again at each of `starts`. */
   function sum(values, starts) {
     let next = 0;
     for (let row = 1; row < values.length; row += 1) {
@@ -155,7 +155,7 @@ driveRobust.episodes = (() => {
     return { every, samples, actors, x, y, yaw, state, lights, plans: planned, forward, right };
   }
 
-  /* Return what there is to draw of an episode: its motion, its tracks and the map under it, each null where missing. */
+  /* Return the motion, the tracks and the map of an episode, each null where missing. */
   async function scene(episode) {
     const file = await load(`route-${episode.routeNumber}`);
     const [moved, seen] = file.episodes[episode.number] || ["", ""];

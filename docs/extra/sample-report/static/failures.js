@@ -39,7 +39,7 @@ driveRobust.views.set("failures", (() => {
           columns.map((column) => cell(cluster, column, countOf(episodes, cluster, column), most)))))));
   }
 
-  /* Settings have their own numbers of episodes, as a verdict stops when it is sure: a count alone would mislead. */
+  /* Settings differ in their numbers of episodes, because a verdict may stop early: a count alone would mislead. */
   function columnsOf(run) {
     const own = driveRobust.episodes.own();
     const names = new Map(run.rows.map((row) => [JSON.stringify([row.agent, row.setting]), row]));

@@ -1,6 +1,6 @@
 "use strict";
-/* The first view: what holds, what is broken, how each agent did under each setting, what ran. */
-/* The same sentence may stand for an agent in several tests, on other routes or seeds: the link counts them. */
+/* The first view: requirements that hold or are broken, each agent under each setting, and the options of the run. */
+/* Several tests may judge one sentence for an agent, on other routes or seeds: the link counts them. */
 driveRobust.requirementsCalled = (agent, sentence) => driveRobust.given.get("run").requirements.filter((item) => item.agent === agent && item.requirement === sentence);
 driveRobust.requirementLink = (item) => driveRobust.link(["requirement", item.agent, item.requirement], { number: driveRobust.requirementsCalled(item.agent, item.requirement).indexOf(item) || "" });
 driveRobust.requirementLabel = (item) => {
@@ -75,7 +75,7 @@ driveRobust.views.set("", (() => {
         h("td", { class: "number" }, item.planned > item.routes ? `${item.routes} of ${item.planned}` : item.routes || "\u2013")))))), legendOf(items)];
   }
 
-  /* What the bars are: by evidence an interval of another level than by the other rules. */
+  /* Return what the bars show: intervals by evidence have another level than intervals by the other rules. */
   function legendOf(items) {
     const levels = new Map(items.filter((item) => item.value !== null).map((item) => [item.rule === "evidence", item.level]));
     const words = [...levels].map(([evidence, level]) => `${level} interval${evidence ? " on routes like these (rule evidence)" : levels.size > 1 ? " (rules list and point)" : ""}`);
@@ -83,7 +83,7 @@ driveRobust.views.set("", (() => {
     return words.length ? h("p", { class: "legend" }, `Bar: ${words.join(", ")}; line: the limit, shaded beyond it${margin}; each metric has one scale.`) : null;
   }
 
-  /* Return 0 (bad) to 1 (good) of a value, null where the metric has no scale of its own. */
+  /* Return 0 (bad) to 1 (good) for a value, null for a metric without its own scale. */
   function goodness(metric, value) {
     if (value === null || value === undefined) return null;
     const scale = { DS: [0, 100], SR: [0, 1], RD: [0.6, 0], comfort: [0, 100], efficiency: [0, 100] }[metric];
@@ -104,7 +104,7 @@ driveRobust.views.set("", (() => {
       empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
   }
 
-  /* As in the terminal: of a driving score no decimals. */
+  /* As in the terminal, the interval of a driving score has no decimals. */
   function rangeOf(metric, interval) {
     return metric === "DS" ? interval.map((end) => fixed(end, 0)).join(" to ") : between(metric, ...interval);
   }

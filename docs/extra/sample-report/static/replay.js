@@ -31,7 +31,7 @@ driveRobust.views.set("episode", (() => {
     return page(episode, beside, scenes, Number(query.get("t") || 0));
   }
 
-  /* The episode beside this one: the one of the run before, its clean twin, or none. */
+  /* Return the episode shown beside this episode: that of the run before, the clean twin, or none. */
   function companion(episode, wish) {
     const { episodes } = driveRobust;
     if (wish === "none") return null;
@@ -86,12 +86,12 @@ driveRobust.views.set("episode", (() => {
       isExternal(run) ? null : h("p", {}, "Drive it again: ", h("code", {}, commandOf(run, episode))));
   }
 
-  /* Whether the official evaluator drove, or somebody else before: no line of ours drives its episodes again. */
+  /* Return whether the official evaluator drove the run, now or earlier: drive-robust cannot replay its episodes. */
   function isExternal(run) {
     return ["bench2drive", "results"].includes(run.options.simulator);
   }
 
-  /* The line that drives an episode again, without the options that say what the defaults say. */
+  /* Return the command line that drives an episode again, without options that equal their defaults. */
   function commandOf(run, episode) {
     const { options } = run;
     const words = ["drive-robust", ...(options.plugins || []).flatMap((plugin) => ["-p", plugin]), "replay", episode.route, "--agent", episode.agent, "--setting", episode.setting, "--seed", episode.seed];
@@ -101,7 +101,7 @@ driveRobust.views.set("episode", (() => {
     return words.map((word) => quoted(String(word))).join(" ");
   }
 
-  /* As the line in the terminal is quoted (report/failure.py). */
+  /* Quote a word as the command line in the terminal does (report/failure.py). */
   function quoted(word) {
     if (/^[\w@%+=:,./-]+$/.test(word)) return word;
     return /["\\$`!]/.test(word) ? `'${word.replace(/'/g, `'"'"'`)}'` : `"${word}"`;
@@ -114,7 +114,7 @@ driveRobust.views.set("episode", (() => {
 
   const CONTROLS = ["throttle", "brake", "steer"];
 
-  /* The log of an official route tells no controls: zeros in a whole drive of others are none. */
+  /* The log of an official route has no controls: zeros over a whole episode of an external run mean unknown. */
   function knowsControls({ motion }) {
     return !isExternal(driveRobust.given.get("run")) || CONTROLS.some((name) => motion[name].some((value) => value !== 0));
   }
@@ -143,7 +143,7 @@ driveRobust.views.set("episode", (() => {
       if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
         for (const event of pane.episode.events) {
-          /* Official results of others do not tell when: then it stands with the end, where all of it is known. */
+          /* Official results do not tell when an infraction happened: show it at the end of the episode. */
           marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
         }
         marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });

@@ -41,7 +41,7 @@ driveRobust.views.set("requirement", (() => {
       h("tbody", {}, points.map((point) => h("tr", {}, h("th", { scope: "row", class: "number" }, point[0]), point.slice(1).map((value) => h("td", { class: "number" }, shown(value)))))))));
   }
 
-  /* The episodes behind the verdict with their twins, in the order in which they were read. */
+  /* Return the episodes behind the verdict with their twins, in the order of reading. */
   function routesOf(item) {
     const episodes = driveRobust.episodes.own();
     return item.order.flatMap((route) => item.seeds.map((seed) => episodes.find((found) => found.agent === item.agent && found.setting === item.setting && found.route === route && found.seed === seed)))
@@ -53,7 +53,7 @@ driveRobust.views.set("requirement", (() => {
     return episode.twin >= 0 ? driveRobust.episodes.all()[episode.twin] : null;
   }
 
-  /* An error has no routes behind it, but there are the episodes that made it one. */
+  /* An error has no routes behind it: show the episodes that caused the error. */
   function broken(item) {
     if (!item.broken.length) return null;
     const all = driveRobust.episodes.all();
@@ -63,7 +63,7 @@ driveRobust.views.set("requirement", (() => {
   function worst(item) {
     if (!item.worst.length) return null;
     const all = driveRobust.episodes.all();
-    /* The number by which a route is one of the worst: a metric of its own beside the driving score. */
+    /* The driving score, after the value of the metric that ranked the route, if that is another metric. */
     const numbers = (value, ds) => `${value === null ? "" : `${item.metric} ${shown(value)}, `}DS ${fixed(ds, 1)}`;
     return h("section", {}, h("h2", {}, "Worst routes"), h("ul", { class: "cards" }, item.worst.map(([number, cleanValue, value]) => {
       const episode = all[number];

@@ -1,5 +1,5 @@
 "use strict";
-/* Draws one moment of an episode from above: road, actors, lights, the ego, its plan, and what it was told. */
+/* Draws one moment of an episode from above: road, actors, lights, the ego, the plan, and the location given to it. */
 driveRobust.Scene = (() => {
   const KIND = { PEDESTRIAN: 5, BICYCLE: 4, EMERGENCY: 3, CONE: 6, DIRT: 12 };
   const STATE = { BRAKING: 1, LEFT: 2, RIGHT: 4, SIREN: 8 };
@@ -14,7 +14,7 @@ driveRobust.Scene = (() => {
     return path;
   }
 
-  /* Return a line beside another one, `right` metres to its right. */
+  /* Return the line that lies `right` metres to the right of another line. */
   function beside(points, right) {
     const moved = [];
     const count = points.length / 2;
@@ -75,7 +75,7 @@ driveRobust.Scene = (() => {
       };
     }
 
-    /* Return what the agent was told last, null where nothing was changed. */
+    /* Return the signals last given to the agent, null where no failure changed them. */
     told(tick) {
       const { told } = this.motion;
       if (!told.rows) return null;
