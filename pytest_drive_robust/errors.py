@@ -37,7 +37,7 @@ __all__ = [
 
 
 _MOST_NAMES = 50
-"""A message with more names than these would be read by nobody."""
+"""The most known names that one message lists: nobody reads a longer list."""
 
 
 class DriveRobustError(Exception):
@@ -49,11 +49,11 @@ class UsageError(DriveRobustError):
 
 
 class UnknownNameError(UsageError):
-    """No entry of that name. The message lists the nearest names and where the list comes from."""
+    """No entry has this name. The message gives the nearest name, the known names and a hint."""
 
     @classmethod
     def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
-        """Return the error for a name that was not found among `known`, with the nearest one."""
+        """Return the error for the name `given`, which is not in `known`; the message gives the nearest known name."""
         names = sorted(known)
         message = f"there is no {what} named {given!r}.{did_you_mean(given, names)}"
         message += f" Known: {first_few(names, _MOST_NAMES) or 'none'}."
@@ -102,12 +102,12 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
 
 
 def did_you_mean(given: str, known: Iterable[str]) -> str:
-    """Return `" Did you mean 'expert'?"`, to be put behind a sentence; nothing when no known name is close."""
+    """Return `" Did you mean 'expert'?"`, to append to a sentence; `""` when no known name is close."""
     close = nearest(given, known)
     return "" if close is None else f" Did you mean {close!r}?"
 
 
 def first_few(names: Sequence[str], most: int) -> str:
-    """Return `"a, b and 3 more"`: the first `most` names, and how many others there are."""
+    """Return `"a, b and 3 more"`: the first `most` names, and the number of the others."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")

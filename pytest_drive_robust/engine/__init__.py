@@ -1,1 +1,1 @@
-"""Where episodes are driven: worker processes with a supervisor each, and executors that keep many of them busy."""
+"""Drives episodes in worker processes: a supervisor watches each process, and an executor keeps many of them busy."""

@@ -1,4 +1,4 @@
-"""Why a worker ended without an answer: whose fault it is, what to call it, and whether to try again."""
+"""Explains why a worker ended without an answer: whose fault the death is, and how its episode ended."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Cause(Enum):
 
 
 class Blame(Enum):
-    """Whose fault it was."""
+    """Whose fault the end of a worker process was."""
 
     AGENT = "agent"
     OURS = "the simulator or we"
@@ -38,9 +38,11 @@ class Blame(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Death:
-    """What is known. `status` is as `os.waitpid` tells it, `printed` the last output, with that of faulthandler.
+    """The known facts about the end of a worker.
 
-    `lasted_s` is how long the phase of `reading` had lasted, `limit_s` the limit that was reached.
+    `status` is the status of `os.waitpid`, None when we killed the worker. `printed` is the last output, with that of
+    faulthandler. `lasted_s` is the duration of the phase in `reading`, `elapsed_s` the time since the request,
+    `limit_s` the limit that was reached.
     """
 
     cause: Cause
@@ -54,9 +56,9 @@ class Death:
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Whose fault a death is, the end of its episode, and the sentence that people read.
+    """Whose fault the end of a worker is, how its episode ended, and a sentence for the user.
 
-    `recorded` is what is still known of the episode, None when nothing is.
+    `recorded` holds the controls that are known of the episode, None when none are.
     """
 
     blame: Blame
@@ -66,7 +68,7 @@ class Explanation:
 
 
 def explain(death: Death) -> Explanation:
-    """Say who is to blame for a death, in a sentence that people read."""
+    """Return whose fault the end of a worker is, with a sentence for the user."""
     phase, tick = death.reading.phase, death.reading.tick
     where = f"in {phase.call} at tick {tick}" if phase.is_agent else f"at tick {tick}"
     place = place_of_fault(death.printed)
@@ -91,7 +93,7 @@ def explain(death: Death) -> Explanation:
 
 
 def place_of_fault(printed: str) -> str:
-    """Return `" (agent.py:12 in act)"` from what faulthandler wrote, the deepest line that is no installed library."""
+    """Return `" (agent.py:12 in act)"`, faulthandler's deepest line outside installed libraries; `""` without lines."""
     frames = [(Path(match["file"]), match["line"], match["name"]) for match in _LINE.finditer(printed)]
     outside = [frame for frame in frames if not _is_library(frame[0])] or frames
     if not outside:

@@ -1,4 +1,4 @@
-"""Requests to a worker process and what comes back: answers, or the news of its death."""
+"""Sends requests to a worker process and receives answers, or notices the end of the process."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 
 _EXIT_S = 2.0
-"""How long a process may take to end, after it said where it is; only those take all of it that do not end at all."""
+"""Seconds for a process to end after a signal or a lost connection; only a process that does not end takes them all."""
 _POLL_S = 0.02
-"""How often to ask whether there is another request."""
+"""Seconds between two looks for another request."""
 T = TypeVar("T")
 Take = Callable[[], tuple[WorkerRequest, T] | None]
-"""Gives the next request and whom it is for, None where there is none now."""
+"""Returns the next request and its receiver, or None when there is no request now."""
 
 
 class Exchange(Generic[T]):
     """Waits for one worker, within the limits, by a clock and descriptors that are out of the worker's reach.
 
-    `failure` is how the worker ended, once it has: also when somebody kills it who wants to stop. One that `is_spent`
-    is given nothing more. No more than `most` requests are under way at a time.
+    `failure` explains the end of the worker, also when the supervisor's `stop` killed the worker; None while the worker
+    runs. A worker that `is_spent` gets no more requests. At most `most` requests are under way at a time.
     """
 
     def __init__(self, worker: WorkerProcess, limits: Limits, *, most: int) -> None:
@@ -42,17 +42,17 @@ class Exchange(Generic[T]):
         self._most = most
         self.failure: Explanation | None = None
         self.is_spent = False
-        self._under_way: dict[bytes, tuple[float, T]] = {}  # by token: since when, and for whom
+        self._under_way: dict[bytes, tuple[float, T]] = {}  # by token: start time, receiver
 
     @property
     def _started_s(self) -> float:
         return min(since_s for since_s, _ in self._under_way.values())
 
     def run(self, take: Take[T]) -> Iterator[tuple[T, EpisodeResult | UsageError | None]]:
-        """Send what `take` gives, a request and whom it is for, and yield each answer with whom it is for.
+        """Send the requests that `take` returns, and yield (receiver, answer) for each.
 
-        `take` is asked again and again while something is under way. When the worker is dead (`failure`), what has no
-        answer comes with None. The limit of an episode counts from its own request.
+        `take` is called repeatedly while a request is under way. After the worker's end (`failure`), each unanswered
+        request yields (receiver, None). The time limit of an episode starts with its own request.
         """
         worker = self._worker
         worker.forget_output()
@@ -66,7 +66,7 @@ class Exchange(Generic[T]):
         yield from ((whom, None) for _, whom in self._under_way.values())
 
     def _send(self, take: Take[T]) -> bool:
-        """Send what there is room for: a worker that answers must not wait for us. False with nothing to wait for."""
+        """Send requests while there is room: the worker must not wait for us. Return False when none is open."""
         poller = select.poll()
         poller.register(self._worker.connection, select.POLLOUT)
         while self.failure is None and not self.is_spent:
@@ -84,11 +84,11 @@ class Exchange(Generic[T]):
         return self.failure is None and bool(self._under_way)
 
     def _hear(self, ready: Sequence[object]) -> tuple[T, EpisodeResult | UsageError] | None:
-        """Return the answer that has come."""
+        """Return (receiver, answer) if an answer has come, else None; note the end of the worker."""
         worker = self._worker
         if worker.connection not in ready:
             if worker.sentinel in ready and not worker.connection.poll():
-                self._lost(Cause.SILENT, grace_s=_EXIT_S)  # without an answer that came in the last moment
+                self._lost(Cause.SILENT, grace_s=_EXIT_S)  # no last answer is waiting in the connection
             return None
         try:
             token, payload = receive(worker.connection)
@@ -107,7 +107,7 @@ class Exchange(Generic[T]):
         return None
 
     def _patience_s(self) -> float | None:
-        """Return until when nothing can become late. A call that begins after this is late after the next one."""
+        """Return the seconds until a limit must be checked, None without limits. A later call has a later limit."""
         now = time.monotonic()
         waits = [_POLL_S] if self._most > 1 else []
         if self._limits.episode_s is not None:
@@ -119,7 +119,7 @@ class Exchange(Generic[T]):
         return max(0.0, min(waits)) + 0.001 if waits else None
 
     def _check_limits(self) -> None:
-        """Kill a worker that is late."""
+        """Kill the worker when a call or an episode has passed its limit."""
         now = time.monotonic()
         reading = self._worker.state.read()
         act_s, episode_s = self._limits.act_s, self._limits.episode_s
@@ -131,12 +131,12 @@ class Exchange(Generic[T]):
     def _lost(
         self, cause: Cause, reading: StateReading | None = None, *, grace_s: float = 0.0, limit_s: float = 0.0
     ) -> None:
-        """Note how the worker ended. One that has not within `grace_s` is killed, for `cause`."""
+        """Set `failure` to the worker's end. A worker that does not end within `grace_s` is killed, for `cause`."""
         worker = self._worker
         status = worker.wait(grace_s) if grace_s else None
         reading = reading or worker.state.read()
         if status is None:
-            if limit_s:  # faulthandler says where it is
+            if limit_s:  # on SIGABRT faulthandler prints the current line
                 worker.kill(signal.SIGABRT)
                 worker.wait(_EXIT_S)
             worker.kill()

@@ -1,14 +1,15 @@
-"""Where worker processes come from: forked by a process of our own that has loaded everything.
+"""Starts worker processes: the fork server, a process of our own that has loaded everything, forks them.
 
-This is not the forkserver context of `multiprocessing` (the connections are its own), because that one
+The connections are those of `multiprocessing`, but not its forkserver context, because that context
 
 - has one list of modules to preload, and the environment, the current folder and (before Python 3.12) the `sys.path` of
-  the moment when it was started; ours has those of one `WorkerSetup`;
-- runs the main module of the program again in every worker: here that is pytest;
-- stays in our process group, where Ctrl-C reaches every worker, and leaves the processes that a killed worker leaves;
-  our server is a subreaper with a session of its own;
-- and the sentinel of a `fork` context is a pipe that an agent can close, and that its own sub-processes inherit: it
-  tells of the end of a worker too early, or never. Here only the server holds the other end of a sentinel.
+  the moment when it started; our fork server has those of one `WorkerSetup`;
+- runs the main module of the program, here pytest, again in every worker;
+- stays in our process group, where Ctrl-C reaches every worker, and does not kill the sub-processes of a killed worker;
+  our fork server has its own session and is a subreaper.
+
+The sentinel of a `fork` context is no better: an agent can close that pipe, and its sub-processes inherit the pipe, so
+that the end of a worker shows too early or never. Here only the fork server holds the other end of a sentinel.
 """
 
 from __future__ import annotations
@@ -32,29 +33,29 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
 
 _READY_S = 600.0
-"""Kernels may have to be compiled first."""
+"""Seconds for the fork server to get ready: kernels may have to be compiled first."""
 _POLL_S = 0.1
 _EXIT_S = 3.0
 _TRIES = 3
 
 
 class Stopped(Exception):  # noqa: N818 - it is no error: somebody asked for it
-    """Somebody asked to stop: what was under way has no result."""
+    """The executor was asked to stop: episodes under way have no result."""
 
 
 class NoWorkerError(Exception):
-    """No worker process can be had. The message says why."""
+    """No worker process can be started. The message says why."""
 
 
 class ForkServer:
-    """Starts the worker processes of one setup; from any thread. Nothing is started before the first one is asked for.
+    """Starts the worker processes of one setup, from any thread. The server process starts with the first worker.
 
-    It `is_ready` when workers can be started for some agents or all. On Linux workers are forked. Elsewhere, and where
-    a plugin starts threads while it is imported, forking a process that has loaded numerical libraries is not safe, and
-    each worker is a new Python. `platform_check` is for systems without either.
+    `is_ready` is True when workers can be started for some agents or all. On Linux workers are forked. On other
+    systems, and when a plugin starts threads during its import, forking a process with loaded numerical libraries is
+    not safe: there each worker is a new Python. `platform_check` refuses systems that can do neither.
 
-    `check_loaded` is called when the server has loaded everything, and raises `UsageError` where that is not what was
-    asked for.
+    `check_loaded` is called when the server has loaded everything, and raises `UsageError` when the loaded code is not
+    the requested code.
     """
 
     def __init__(self, worker_setup: WorkerSetup, check_loaded: Callable[[], None] = lambda: None) -> None:
@@ -70,17 +71,17 @@ class ForkServer:
 
     @property
     def pid(self) -> int | None:
-        """The server's process, while there is one."""
+        """The process id of the server; None while no server runs."""
         return self._process.pid if self._process is not None else None
 
     @property
     def compiling(self) -> tuple[int, int]:
-        """How many functions are compiled, of how many that some agent waits for and that were not in the cache."""
+        """(done, total) of the functions being compiled: those that an agent waits for and that the cache lacked."""
         self._hear()
         return self._compiling
 
     def drives(self, agent: str) -> bool:
-        """Return False while kernels that this agent may need are compiled, and others can be driven already."""
+        """Return whether the agent can be driven; False while only other agents' kernels are compiled."""
         if self._drives is not None:
             self._hear()
         drives = self._drives
@@ -89,7 +90,8 @@ class ForkServer:
     def start_worker(self, limits: Limits, agent: str, unwanted: Callable[[], bool]) -> WorkerProcess:
         """Start a worker process that can drive the agent.
 
-        Raises `UsageError` for a setup that does not work, `NoWorkerError`, `Stopped` soon after `unwanted()` is true.
+        Raises `UsageError` for a setup that does not work, `NoWorkerError` when three attempts fail, and `Stopped` soon
+        after `unwanted()` returns True.
         """
         problems: list[str] = []
         while len(problems) < _TRIES:
@@ -110,12 +112,12 @@ class ForkServer:
         raise NoWorkerError(f"no process for the episode can be started: {problems[-1]}")
 
     def close(self) -> None:
-        """End the server, and with it every worker. Calling it twice does no harm."""
+        """End the server and all its workers. A second call does nothing."""
         with self._lock:
             self._stop()
 
     def _start(self, unwanted: Callable[[], bool]) -> None:
-        """Start the server, unless it runs. An agent module that breaks it is left to the workers."""
+        """Start the server unless it runs. If a preloaded agent module breaks the server, preload no agent."""
         if self._process is not None and self._process.poll() is None:
             return
         self._stop()
@@ -134,9 +136,9 @@ class ForkServer:
         self.is_ready = True
 
     def _launch(self, unwanted: Callable[[], bool]) -> bool | None:
-        """Start a new server and tell whether it forks, None when it died before. Raises `UsageError`, `Stopped`.
+        """Start a new server; return whether the server forks, or None when the server ended or was not ready in time.
 
-        Until it is ready it says how far it has come with compiling.
+        Until then the server reports how many functions it has compiled. Raises `UsageError`, `Stopped`.
         """
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process
         self._control, theirs = socket.socketpair()
@@ -163,7 +165,7 @@ class ForkServer:
         return None
 
     def _why_not_ready(self) -> str:
-        """Say what became of a server that was not ready, when it has printed why."""
+        """Return what happened to a server that did not get ready: still running after the time limit, or dead."""
         assert self._process is not None
         try:
             self._process.wait(_EXIT_S)
@@ -172,15 +174,15 @@ class ForkServer:
         return "died while it was getting ready"
 
     def _hear(self) -> None:
-        """Take in what the server has said since it was ready; return at once."""
-        if not self._lock.acquire(blocking=False):  # somebody starts a worker, or the server itself
+        """Read the messages that the server has sent since it was ready; return at once."""
+        if not self._lock.acquire(blocking=False):  # another thread starts a worker or the server
             return
         try:
             if self.is_ready and self._control is not None:
                 with Connection(os.dup(self._control.fileno())) as connection:
                     while connection.poll():
                         self._note(json.loads(connection.recv_bytes()))
-        except (OSError, EOFError):  # it has died
+        except (OSError, EOFError):  # the server has died
             self._drives = None
         finally:
             self._lock.release()
@@ -191,7 +193,7 @@ class ForkServer:
             self._drives = None if words["drives"] is None else frozenset(words["drives"])
 
     def _last_line(self) -> str:
-        """Return what the server printed last, as a sentence."""
+        """Return a sentence with the last line that the server printed."""
         if self._log is None:
             return ""
         self._log.seek(0)
@@ -204,7 +206,7 @@ class ForkServer:
                 self._control.shutdown(socket.SHUT_WR)
             self._control.close()
         if self._process is not None:
-            try:  # it kills its workers first; while it loads it has none, and hears nothing
+            try:  # a ready server first kills its workers; a loading server has none and does not listen
                 self._process.wait(_EXIT_S if self.is_ready else 0.0)
             except subprocess.TimeoutExpired:
                 with suppress(OSError):

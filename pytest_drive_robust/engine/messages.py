@@ -21,17 +21,17 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 
 TOKEN_BYTES = 16
-"""How long a token is: an answer repeats that of its request."""
+"""Length of a token. An answer repeats the token of its request."""
 _LARGEST_BYTES = 1 << 28
-"""Four characters of text, read as a length, are more: text that somebody else wrote is refused at once."""
+"""Largest message. Text that an agent wrote to the connection reads as a larger length and is refused at once."""
 
 
 @dataclass(frozen=True, slots=True)
 class WorkerRequest:
-    """What a worker is asked for: an `EpisodeRequest` whose setting is the sentence of the episode.
+    """A request to a worker: an `EpisodeRequest` whose setting is the sentence in `episode`.
 
-    `width` is how many episodes the batch takes, which it `shares` with others; None for an episode that is driven by
-    `act`. With `recorded` controls of another process it is scored and not driven by its agent.
+    `width` is the number of episodes in a batch, None for an episode driven by `act`; `shares` says that other episodes
+    share the batch. With `recorded` controls from another process, the worker scores the episode and no agent drives.
     """
 
     episode: Episode
@@ -43,11 +43,11 @@ class WorkerRequest:
 
     @classmethod
     def of(cls, request: EpisodeRequest, *, width: int | None = None, shares: bool = False) -> WorkerRequest:
-        """Return what a worker needs of a request."""
+        """Return the worker request for an episode request."""
         return cls(request.episode, request.route, request.identity, width, shares)
 
     def read(self, registry: Registry) -> EpisodeRequest:
-        """Return the episode request. Raises `UsageError` when there are no such perturbations in this process."""
+        """Return the episode request. Raises `UsageError` when this process lacks perturbations of the setting."""
         setting = None
         with suppress(errors.UsageError):
             setting = Setting.parse(self.episode.setting, registry.perturbations())
@@ -61,9 +61,10 @@ class WorkerRequest:
 
 
 def answer_bytes(result: EpisodeResult | errors.UsageError, *, is_spent: bool) -> bytes:
-    """Return what a worker replies as the payload of a message: a result, or why it cannot drive that at all.
+    """Return the payload of a worker's answer: a result, or the error why the episode cannot be driven at all.
 
-    `is_spent`: its process is not as it was before the episode (see `worker.process_state`), or its world broke.
+    `is_spent` says that the worker's process is not as before the episode (see `worker.process_state`), or that its
+    world broke.
     """
     if isinstance(result, errors.UsageError):
         return bytes([is_spent, True]) + refusal_bytes(result)
@@ -71,7 +72,7 @@ def answer_bytes(result: EpisodeResult | errors.UsageError, *, is_spent: bool) -
 
 
 def read_answer(payload: bytes) -> tuple[EpisodeResult | errors.UsageError, bool]:
-    """Return what a worker replied and whether it is spent. Raises `ValueError` for what is no answer."""
+    """Return a worker's answer and whether the worker is spent. Raises `ValueError` for a payload that is no answer."""
     is_spent, refused, body = payload[:1], payload[1:2], payload[2:]
     return refusal(body) if refused == b"\1" else decode_episode(body), is_spent == b"\1"
 
@@ -79,7 +80,7 @@ def read_answer(payload: bytes) -> tuple[EpisodeResult | errors.UsageError, bool
 def receive(connection: Connection) -> tuple[bytes, bytes]:
     """Wait for a message; return its token and its payload.
 
-    Raises `EOFError` when the other side closed the connection, `OSError` or `ValueError` for what is no message.
+    Raises `EOFError` when the other side closed the connection, `OSError` or `ValueError` for anything but a message.
     """
     try:
         data = connection.recv_bytes(_LARGEST_BYTES)
@@ -96,7 +97,7 @@ def refusal_bytes(error: errors.UsageError) -> bytes:
 
 
 def refusal(content: bytes) -> errors.UsageError:
-    """Return the usage error that another process ran into, of the same class. Raises `ValueError` when it is none."""
+    """Return the usage error of another process, of the same class. Raises `ValueError` when `content` is none."""
     try:
         name, text = json.loads(content)
     except TypeError as error:

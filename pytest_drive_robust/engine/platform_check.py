@@ -1,4 +1,4 @@
-"""Whether this system has what worker processes rest on. Asked before anything is imported that only some have."""
+"""Checks that this system supports worker processes, before the import of modules that some systems lack."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ INLINE = (
     "Give --drive-executor inline (drive_executor = inline): the same episodes to the bit, one after the other, "
     "without time-outs and memory limits. drive-robust replay and drive-robust report work here, too."
 )
-"""What one does instead, where an executor was asked for."""
+"""Advice for a user who chose an executor of worker processes."""
 
 _FUNCTIONS = ("fork", "killpg", "setsid")
 _MODULES = ("fcntl", "resource")
 
 
 def check_platform(asked: str, advice: str = INLINE) -> None:
-    """Raise `UsageError` where no worker process can be had, as on Windows. `asked` is the option that needs them."""
+    """Raise `UsageError` on a system without worker processes, such as Windows. `asked` is the user's option."""
     missing = [f"os.{name}" for name in _FUNCTIONS if not hasattr(os, name)]
     missing += [name for name in _MODULES if importlib.util.find_spec(name) is None]
     if missing:

@@ -1,4 +1,4 @@
-"""The executor of worker processes: each driver is a supervisor of one, all forked from one fork server."""
+"""The executor of worker processes: each driver is the supervisor of one worker; one fork server forks all workers."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class ProcessExecutor(LocalExecutor):
-    """Drives in `slots` worker processes, which live until the run ends or an episode breaks them.
+    """Drives in `slots` worker processes. A worker lives until the run ends or an episode breaks the worker.
 
     No process is started, and `worker_setup` not called, before the first episode. `check_loaded`: see `ForkServer`.
     """
@@ -38,7 +38,7 @@ class ProcessExecutor(LocalExecutor):
             from pytest_drive_robust.engine.supervisor import Supervisor
 
             setup = worker_setup()
-            agents = sorted(setup.preload_agents, key=lambda name: name != agent)  # compiled for the first one first
+            agents = sorted(setup.preload_agents, key=lambda name: name != agent)  # its kernels are compiled first
             self._fork_server = server = ForkServer(replace(setup, preload_agents=tuple(agents)), check_loaded)
             self._supervisors = [Supervisor(server, limits) for _ in range(slots)]
             return self._supervisors
@@ -46,19 +46,19 @@ class ProcessExecutor(LocalExecutor):
         super().__init__(make_supervisors, threads=slots, width=width, shares=shares)
 
     def drives(self, agent: str) -> bool:
-        """Return False while kernels that this agent may need are compiled, and others can be driven already."""
+        """Return whether the agent can be driven; False while only other agents' kernels are compiled."""
         return self._fork_server is None or self._fork_server.drives(agent)
 
     @property
     def compiling(self) -> tuple[int, int]:
-        """How many functions are compiled, of how many that are waited for: while an agent is driven, none is."""
+        """(done, total) of the functions that an agent waits for; equal while a worker drives: no agent waits then."""
         if self._fork_server is None:
             return 0, 0
         done, total = self._fork_server.compiling
         return (total, total) if self._fork_server.is_ready and len(self._idle) < self._workers else (done, total)
 
     def close(self) -> None:
-        """End the workers, also those that drive."""
+        """End all workers, also those that drive an episode."""
         for supervisor in self._supervisors:
             supervisor.stop()
         super().close()

@@ -1,7 +1,7 @@
 """Memory that we share with a worker: whose code runs, since when, and every control so far.
 
-The worker writes, we read. What stands there survives the worker, so we can say whose fault its death is and have the
-episode scored up to that tick.
+The worker writes and we read. The memory survives the worker, so that we can say whose fault the worker's end is and
+score the episode up to that tick.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ from pytest_drive_robust.runner.episode.loop import Watch
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
 CUT_OFF = 71
-"""The exit code of a worker that can no longer answer, because its agent closed the connection."""
-_READING = struct.Struct("<IIdd")  # phase, tick, when the phase began, seconds of the agent before it
+"""The exit code of a worker that can no longer answer because its agent closed the connection."""
+_READING = struct.Struct("<IIdd")  # phase, tick, start of the phase in s, the agent's seconds before that phase
 _COUNT = struct.Struct("<I")
 _COUNT_AT = 32
 _RIG_AT = 64
@@ -40,7 +40,7 @@ _MOST_TICKS = 1 << 20
 
 
 class Phase(IntEnum):
-    """Whose code runs. In the first three it is the agent's."""
+    """Whose code runs: the agent's in `MAKE`, `RESET` and `ACT`, ours or the simulator's in `SIM` and `IDLE`."""
 
     MAKE = 0
     RESET = 1
@@ -55,17 +55,17 @@ class Phase(IntEnum):
 
     @property
     def is_call(self) -> bool:
-        """True for the calls that must return in time. Making an agent may take as long as its weights do."""
+        """True for a call with a time limit. Making an agent has none: loading weights may take long."""
         return self is Phase.RESET or self is Phase.ACT
 
     @property
     def call(self) -> str:
-        """What the agent was asked for, in the words of a message."""
+        """The name of the agent's call for a message: `"its constructor"`, `"reset"`, `"act"`."""
         return "its constructor" if self is Phase.MAKE else self.name.lower()
 
 
 class StateReading(NamedTuple):
-    """What the shared state says: `since_s` by the monotonic clock, `agent_s` with the current phase left out."""
+    """One reading of the shared state: `since_s` is monotonic time, `agent_s` excludes the current phase."""
 
     phase: Phase
     tick: int
@@ -74,9 +74,9 @@ class StateReading(NamedTuple):
 
 
 class SharedState(Watch):
-    """The memory behind a file descriptor, which may be closed afterwards.
+    """The shared memory behind the file descriptor `fd`, which may be closed afterwards.
 
-    `connection` is that by which a worker answers: one that its agent closed it for ends at once, in the same tick.
+    `connection` is the descriptor by which the worker answers; when the agent closes it, the worker exits in that tick.
     """
 
     def __init__(self, fd: int, *, connection: int | None = None) -> None:
@@ -90,14 +90,14 @@ class SharedState(Watch):
         self._identity = None if connection is None else descriptor_identity(connection)
 
     def clear(self) -> None:
-        """Begin a new episode: nothing was driven yet."""
+        """Clear the state for a new episode: no tick, no cameras."""
         self._agent_s = 0.0
         self._write(_COUNT_AT, _COUNT.pack(0))
         self._write(_RIG_AT, _COUNT.pack(0))
         self.phase("idle", 0)
 
     def phase(self, name: str, tick: int) -> None:
-        """Note that the code of the phase of that name runs from now on."""
+        """Note that the phase `name` runs from now on. Exit with `CUT_OFF` when the agent closed the connection."""
         now = time.monotonic()
         if self._phase.is_agent:
             self._agent_s += now - self._since_s
@@ -107,7 +107,7 @@ class SharedState(Watch):
         self._write(0, _READING.pack(self._phase, tick, now, self._agent_s))
 
     def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
-        """Keep what is known of the agent, unless it is too long: then the episode cannot be driven again without."""
+        """Keep the agent's cameras and signals, unless they are too long: then the episode cannot be scored later."""
         text = json.dumps([[asdict(camera) for camera in cameras], consumes, privileged]).encode()
         if len(text) <= _RIG_BYTES - _COUNT.size:
             self._write(_RIG_AT + _COUNT.size, text)
@@ -116,7 +116,7 @@ class SharedState(Watch):
     def ticked(
         self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
     ) -> None:
-        """Keep a tick that was driven. Of episodes that are driven together a mixture is kept, which nobody reads."""
+        """Keep the controls of a driven tick. Episodes in a batch overwrite each other's rows; nobody reads those."""
         if tick < self._capacity:
             answer = _UNASKED if asked is None else (asked.throttle, asked.steer, asked.brake)
             row = (*answer, applied.throttle, applied.steer, applied.brake)
@@ -124,34 +124,34 @@ class SharedState(Watch):
             self._write(_COUNT_AT, _COUNT.pack(tick + 1))
 
     def failed(self, error: Exception) -> None:
-        """Print the whole traceback among what the agent printed: a result holds one line of it."""
+        """Print the whole traceback to the agent's output: a result holds only one line of the traceback."""
         if error.__cause__ is not None:
-            with suppress(Exception):  # the agent may have closed what it goes to
+            with suppress(Exception):  # the agent may have closed the output
                 traceback.print_exception(error.__cause__)
 
     def _write(self, start: int, data: bytes) -> None:
-        """Put `data` there in one piece.
+        """Write `data` in one piece.
 
-        `pack_into` clears the place first: whoever reads in between sees a call that began at 0 s, and calls it late.
+        `pack_into` clears the bytes first: a reader in between would see a call that began at 0 s and call it late.
         """
         self._memory[start : start + len(data)] = data
 
     @property
     def ticks(self) -> int:
-        """Ticks that were driven, as far as there is room."""
+        """The number of driven ticks, at most the number of rows in the memory."""
         return int(min(_COUNT.unpack_from(self._memory, _COUNT_AT)[0], self._capacity))
 
     def read(self) -> StateReading:
-        """Return what happens now, never half of what was just written."""
+        """Return the current phase, read twice until both readings agree, so that no half-written one is returned."""
         while True:
             first, second = (_READING.unpack_from(self._memory, 0) for _ in range(2))
             if first == second:
                 break
         phase, tick, since_s, agent_s = first
-        return StateReading(Phase(min(phase, Phase.IDLE)), tick, since_s, agent_s)  # also where nonsense was written
+        return StateReading(Phase(min(phase, Phase.IDLE)), tick, since_s, agent_s)  # the memory may be overwritten
 
     def recorded(self) -> RecordedControls | None:
-        """Return what is known of the episode; None where it had not begun, or where the worker wrote nonsense."""
+        """Return the recorded controls of the episode; None before its start, or when the worker wrote nonsense."""
         length = _COUNT.unpack_from(self._memory, _RIG_AT)[0]
         start = _RIG_AT + _COUNT.size
         try:
@@ -165,7 +165,7 @@ class SharedState(Watch):
 
 
 def shared_file(tick_cap: int) -> int:
-    """Return a descriptor of zero bytes in memory (or in a deleted file), enough for an episode of so many ticks.
+    """Return a descriptor of zeroed memory (or of a deleted file), large enough for an episode of `tick_cap` ticks.
 
     Memory that is not written to costs nothing.
     """

@@ -1,4 +1,4 @@
-"""Our side's watch over one worker process: whatever happens to it, an episode has a result."""
+"""Watches one worker process from our side: an episode has a result, whatever happens to the process."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ _SALVAGE_S = 600.0
 
 
 class Supervisor:
-    """One worker process at a time, kept warm from episode to episode (see `runner.executor.Driver`).
+    """Drives in one worker process at a time, kept from episode to episode (see `runner.executor.Driver`).
 
-    It is used from one thread at a time. An episode of a batch takes as long as all of them, so each may take `width`
-    times the limit of an episode. A call of `act_batch` has the time of any other call.
+    A supervisor is used from one thread at a time. An episode in a batch lasts as long as the whole batch, so its time
+    limit is `width` times the limit of an episode. A call of `act_batch` has the time limit of any other call.
     """
 
     def __init__(self, fork_server: ForkServer, limits: Limits) -> None:
@@ -38,28 +38,28 @@ class Supervisor:
         self._worker: WorkerProcess | None = None
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._failure: Explanation  # of the latest worker that was lost
-        self._was_new = True  # the worker, at the latest request
-        self.output = ""  # the end of what was printed by the time of the latest result
+        self._failure: Explanation  # explains the latest lost worker
+        self._was_new = True  # whether the latest request went to a new worker
+        self.output = ""  # the end of the worker's output at the latest result
 
     @property
     def ticks(self) -> int:
-        """Ticks of the episode under way, from any thread; 0 when there is none."""
+        """The number of ticks of the episode under way, 0 when there is none. Safe from any thread."""
         with self._lock:
             return 0 if self._worker is None else self._worker.state.ticks
 
     @property
     def pid(self) -> int | None:
-        """The worker process, while there is one."""
+        """The process id of the worker; None while there is none."""
         worker = self._worker
         return None if worker is None else worker.pid
 
     def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive the episode, whatever happens to the process that drives it; with a `width` in a batch of its own."""
+        """Drive the episode and return its result, whatever happens to the worker; with `width`, in its own batch."""
         return self.drive_request(WorkerRequest.of(request, width=width))
 
     def drive_request(self, request: WorkerRequest) -> EpisodeResult:
-        """Drive the episode of a request, as `drive` does; another machine sends requests ready made.
+        """Drive the episode of a worker request, as `drive` does; another machine may have made the request.
 
         Raises `UsageError` when the agent or the simulator cannot be made at all, and `Stopped` after `stop`.
         """
@@ -75,9 +75,10 @@ class Supervisor:
         raise AssertionError("the last attempt has a result")
 
     def drive_batch(self, agent: str, take: Callable[[], EpisodeRequest | None], width: int) -> _Ended:
-        """Drive what `take` gives, up to `width` at a time, until none is under way.
+        """Drive the episodes that `take` returns, up to `width` at a time; yield (request, result) for each.
 
-        Without a result is one whose process broke, at the end, and one that ran out of memory. Raises `Stopped`.
+        The result is None for an episode that ran out of memory, files or threads, and for episodes whose process
+        broke, which come last. Raises `Stopped`.
         """
 
         def take_next() -> tuple[WorkerRequest, EpisodeRequest] | None:
@@ -91,14 +92,14 @@ class Supervisor:
                 yield request, self._judged(result) if isinstance(result, EpisodeResult) else result
 
     def stop(self) -> None:
-        """Kill the worker and make `drive` raise `Stopped`, now and ever after. From any thread."""
+        """Kill the worker and make `drive` raise `Stopped` from now on. Safe from any thread."""
         self._stopped.set()
         with self._lock:
             if self._worker is not None:
                 self._worker.kill()
 
     def close(self) -> None:
-        """End the worker. Calling it twice does no harm; afterwards `drive` raises `Stopped`."""
+        """End the worker; afterwards `drive` raises `Stopped`. A second call does nothing."""
         self._stopped.set()
         self._end_worker()
 
@@ -118,7 +119,7 @@ class Supervisor:
         return replace(result, outcome=outcome, end=found.end, end_detail=detail, wall_s=time.monotonic() - started)
 
     def _salvaged(self, recorded: RecordedControls | None, request: WorkerRequest) -> EpisodeResult | None:
-        """Score the episode up to where the agent was lost, in another worker; None when not even that works."""
+        """Return the result of the ticks before the agent was lost, scored in another worker; None if that fails."""
         if recorded is None:
             return None
         limits = replace(self._limits, act_s=None, episode_s=self._limits_of(request.width).episode_s or _SALVAGE_S)
@@ -135,7 +136,7 @@ class Supervisor:
         return replace(ended, versions={**ended.versions, **mode})
 
     def _judged(self, result: EpisodeResult) -> EpisodeResult:
-        """Tell a crash for lack of memory from others: another limit gives another result."""
+        """Return the result; mark a crash for lack of memory as hard, because another limit gives another result."""
         limit = self._limits.memory_bytes
         if limit is None or result.end is not End.AGENT_CRASHED:
             return result
@@ -149,9 +150,10 @@ class Supervisor:
         return limits if limits.episode_s is None else replace(limits, episode_s=limits.episode_s * (width or 1))
 
     def _attempt(self, asked: WorkerRequest, limits: Limits | None = None) -> EpisodeResult | Explanation:
-        """Make one request to the worker; again in a new one where it ran out of what earlier agents may hold there.
+        """Send one request and return its result, or the explanation of a lost worker.
 
-        Raises `UsageError`, `Stopped`.
+        Sends the request again to a new worker when the old one ran out of memory, files or threads, which earlier
+        agents may hold there. Raises `UsageError`, `Stopped`.
         """
         limits = limits or self._limits_of(asked.width)
         while _wants_room(result := self._answer(asked, limits)):
@@ -163,7 +165,7 @@ class Supervisor:
         return result or self._failure
 
     def _answer(self, asked: WorkerRequest, limits: Limits) -> EpisodeResult | UsageError | None:
-        """Return what the worker answers to one request, None when it was lost. Raises `Stopped`."""
+        """Return the worker's answer to one request; None when the worker was lost. Raises `Stopped`."""
         waiting = iter([(asked, None)])
         ((_, result),) = self._results(asked.episode.agent, lambda: next(waiting, None), limits)
         return result
@@ -171,9 +173,10 @@ class Supervisor:
     def _results(
         self, agent: str, take: Take[T], limits: Limits, *, most: int = 1
     ) -> Iterator[tuple[T, EpisodeResult | UsageError | None]]:
-        """Yield what a worker that can drive the agent answers to what `take` gives (see `Exchange.run`).
+        """Yield (receiver, answer) for the requests that `take` returns, from a worker that can drive the agent.
 
-        Those without an answer come last; `_failure` is how the worker was lost then. Raises `UsageError`, `Stopped`.
+        Unanswered requests come last, with None; `_failure` then explains the lost worker. See `Exchange.run`. Raises
+        `UsageError`, `Stopped`.
         """
         try:
             worker = self._ready_worker(agent)
@@ -193,10 +196,13 @@ class Supervisor:
             self._end_worker()
 
     def _ready_worker(self, agent: str) -> WorkerProcess:
-        """Return the worker that waits, or a new one. Raises `Stopped`, `NoWorkerError`, `UsageError`."""
+        """Return the waiting worker if it can drive the agent, else a new one.
+
+        Raises `Stopped`, `NoWorkerError`, `UsageError`.
+        """
         worker = self._worker
         if worker is not None and (worker.wait(0.0) is not None or agent not in (worker.drives or (agent,))):
-            self._end_worker()  # somebody killed it while it waited; or the agent's kernels are not in there
+            self._end_worker()  # the waiting worker was killed, or has not loaded the agent's kernels
         self._was_new = self._worker is None
         if self._worker is None:
             worker = self._fork_server.start_worker(self._limits, agent, self._stopped.is_set)
@@ -206,7 +212,7 @@ class Supervisor:
         return self._worker
 
     def _check_stopped(self) -> None:
-        """Raise `Stopped` after `stop`: what ended since is no result."""
+        """Raise `Stopped` after `stop`: an answer that came later is no result."""
         if self._stopped.is_set():
             self._end_worker()
             raise Stopped
@@ -219,7 +225,7 @@ class Supervisor:
 
 
 def _wants_room(result: EpisodeResult | UsageError | None) -> bool:
-    """Return whether an agent could not drive, or be made, for lack of what others may hold in its process."""
+    """Return whether the agent ran out of a resource that other agents may hold in its process, such as memory."""
     if isinstance(result, UsageError):
         return any(words in str(result) for words in RAN_OUT)
     return result is not None and ran_out(result)

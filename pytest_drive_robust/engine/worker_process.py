@@ -1,4 +1,4 @@
-"""A worker process from our side: its connection, what it prints, how it ended."""
+"""A worker process seen from our side: its connection, its output, its exit status."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ _EXIT_S = 0.5
 _MOST_OUTPUT_BYTES = 1 << 24
 _FORK_S = 30.0
 _STALLED_S = 10
-"""The rest of a message comes within this time: a worker writes it in one go, and anybody else does not."""
+"""Seconds for the rest of a begun message: a worker writes a message at once, only other code does not."""
 
 
 class WorkerProcess:
-    """One worker process, started by the fork server behind `control`. Raises `OSError` when that does not work.
+    """One worker process, started by the fork server behind `control`. Raises `OSError` when the start fails.
 
-    `connection` carries the messages, `sentinel` becomes readable when the process ends. The worker inherits
-    descriptors for messages, for what is printed, and of the shared state. `drives` are the agents for which it has
-    loaded compiled kernels, None for all of them.
+    `connection` carries the messages; `sentinel` becomes readable when the process ends. The worker inherits the
+    descriptors of the messages, the output and the shared state. `drives` names the agents whose compiled kernels the
+    worker has loaded, None for all agents.
     """
 
     def __init__(self, control: socket.socket, limits: Limits, *, tick_cap: int, drives: frozenset[str] | None) -> None:
@@ -38,7 +38,7 @@ class WorkerProcess:
         self._status: int | None = None
         self._closed = False
         with ExitStack() as ours:
-            with ExitStack() as theirs:  # our copies of what it inherits, until it has them
+            with ExitStack() as theirs:  # our copies of the worker's descriptors, closed once sent
                 our_socket, their_socket = socket.socketpair()
                 theirs.callback(their_socket.close)
                 our_socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("ll", _STALLED_S, 0))
@@ -51,7 +51,7 @@ class WorkerProcess:
                 state = shared_file(tick_cap)
                 theirs.callback(os.close, state)
                 self.state = SharedState(state)
-                self.state.clear()  # zeros would say that the agent is being made, and blame it for our own death
+                self.state.clear()  # zeros mean `MAKE`, which would blame the agent for our failure
                 inherited = their_socket.fileno(), self._output, state
                 socket.send_fds(control, [pickle.dumps(limits)], [exit_w, *inherited])
             self.pid = self._read_pid()
@@ -66,7 +66,7 @@ class WorkerProcess:
         return int.from_bytes(told, "little", signed=True)
 
     def printed(self, most_bytes: int) -> str:
-        """Return the end of what was printed since `forget_output`."""
+        """Return the last `most_bytes` bytes of output since `forget_output`, as text."""
         size = os.fstat(self._output).st_size
         text = os.pread(self._output, most_bytes, max(0, size - most_bytes)).decode("utf-8", "replace")
         if size > _MOST_OUTPUT_BYTES:
@@ -74,24 +74,24 @@ class WorkerProcess:
         return text
 
     def forget_output(self) -> None:
-        """Begin anew with what is printed."""
+        """Forget the output so far."""
         os.ftruncate(self._output, 0)
 
     def wait(self, timeout_s: float) -> int | None:
-        """Return how it ended (as `os.waitpid` tells it), None when it still runs after so many seconds."""
+        """Return the status of `os.waitpid` when the process has ended, None if it still runs after `timeout_s`."""
         wait([self.sentinel], timeout_s)
         with self._lock:
             return self._read_status()
 
     def kill(self, number: int = signal.SIGKILL) -> None:
-        """Send a signal to it, SIGKILL to its whole group. From any thread, also when it is dead."""
+        """Send a signal to the process, SIGKILL to its whole group. Safe from any thread, and after its end."""
         with self._lock, contextlib.suppress(OSError):
             if self._closed or self._read_status() is not None:
-                return  # its number may belong to somebody else by now
+                return  # the process id may belong to another process by now
             (os.killpg if number == signal.SIGKILL else os.kill)(self.pid, number)
 
     def end(self) -> None:
-        """End it and everything in its group. One that waits for a message may close its simulator before."""
+        """End the process and its group. A worker that waits for a message has 0.5 s to close its simulator first."""
         self.connection.close()
         if self.wait(_EXIT_S) is None:
             self.kill()
@@ -102,6 +102,6 @@ class WorkerProcess:
     def _read_status(self) -> int | None:
         if self._status is None and not self._closed and wait([self.sentinel], 0.0):
             told = os.read(self.sentinel, 4)
-            # Nothing was told: the fork server died, and its workers with it.
+            # Without a status: the fork server died, and its workers with it.
             self._status = int.from_bytes(told, "little", signed=True) if len(told) == 4 else int(signal.SIGKILL)
         return self._status

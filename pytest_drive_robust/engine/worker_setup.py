@@ -1,4 +1,4 @@
-"""How a fresh process comes to the registry of this run, and what an episode may use of its machine."""
+"""What a new process needs to drive the episodes of a run, and the limits of an episode."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ _THREAD_VARIABLES = (
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The limits of every episode; None where there is none.
+    """The limits of every episode; None for no limit.
 
-    `episode_s` is the wall time of an episode, `act_s` that of one call of the agent (`sensors`, `reset`, `act`).
-    `memory_bytes` is what its process may allocate (`RLIMIT_DATA`, Linux only). Of what the process prints, the last
-    `output_bytes` are kept. A process that grew by `growth_bytes` since its first episode is replaced.
+    `episode_s` is the wall time of an episode, `act_s` the wall time of one call of the agent (`sensors`, `reset`,
+    `act`). `memory_bytes` is the memory that its process may allocate (`RLIMIT_DATA`, Linux only). The last
+    `output_bytes` of the process's output are kept. A process that grew by `growth_bytes` since its first episode is
+    replaced.
     """
 
     episode_s: float | None = None
@@ -44,14 +45,14 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class WorkerSetup:
-    """Everything that a process needs to drive the episodes of a run; plain data that pickles.
+    """Everything that a process needs to drive the episodes of a run, as plain data that can be pickled.
 
-    `python_path` becomes `sys.path`, `folder` the current folder and `environment` the variables, empty for those of
-    the process that starts it. `plugins` are the modules whose hook
-    `pytest_drive_robust_register` is called, each with its file, in the order of their registration. `simulator` is a
-    name or a reference of the registry. `threads` is what torch, OpenMP, OpenCV and numba may use; `preload_agents`
-    are names whose modules are imported once for all processes. `checks_identity`: a process refuses to drive where it
-    finds other code, weights or libraries than there are where the run was started.
+    `python_path` becomes `sys.path`, `folder` the current folder, and `environment` the environment variables; with an
+    empty `environment` the process inherits the variables of its starter. `plugins` lists (module, file) of the plugins
+    whose hook `pytest_drive_robust_register` is called, in the order of their registration. `simulator` is a name or a
+    reference of the registry. `threads` is the number of threads for torch, OpenMP, OpenCV and numba. `preload_agents`
+    names agents whose modules are imported once for all processes. With `checks_identity` a process refuses to drive
+    when its code, weights or libraries differ from those of the process that started the run.
     """
 
     python_path: tuple[str, ...]
@@ -67,11 +68,11 @@ class WorkerSetup:
     def start_python(
         self, function: str, arguments: Sequence[int], content: object, *, pass_fds: Sequence[int], output: int
     ) -> subprocess.Popen[bytes]:
-        """Start `function(*arguments)` of `engine.worker.forking` in a new Python with a session of its own.
+        """Start `function(*arguments)` of `engine.worker.forking` in a new Python process with its own session.
 
-        It finds `content` pickled at its standard input, and in its environment the number of threads and one hash
-        seed, whatever ours is: an agent that iterates over a set of strings drives alike in every run. Nor does ours
-        say what a warning is: as an error it would be the agent's.
+        The function reads `content`, pickled, from its standard input. The environment sets the number of threads, a
+        fixed hash seed, so that an agent that iterates over a set of strings drives alike in every run, and no
+        `PYTHONWARNINGS`, because a warning turned into an error would count as the agent's error.
         """
         code = (
             "import json, sys; sys.path[:] = json.loads(sys.argv[1]); "
@@ -97,7 +98,7 @@ class WorkerSetup:
             )
 
     def registry(self) -> Registry:
-        """Return every name that the run knows. Raises `UsageError` for a plugin that does not load."""
+        """Return the registry of the run, in this process. Raises `UsageError` for a plugin that does not load."""
         sys.path[:] = self.python_path
         os.chdir(self.folder)
         registry = default_registry()
@@ -114,7 +115,7 @@ class WorkerSetup:
         return registry
 
     def limit_threads(self) -> None:
-        """Tell the libraries that are loaded by now how many threads they may use."""
+        """Set the number of threads of torch and OpenCV, if they are loaded by now."""
         for module, setter in (("cv2", "setNumThreads"), ("torch", "set_num_threads")):
             if module in sys.modules:
                 getattr(sys.modules[module], setter)(self.threads)

@@ -17,9 +17,9 @@ _known_executor = one_of(("auto", "inline", "processes", "ray"), "executor")
 
 
 def _executor(given: GivenText) -> str:
-    """Return the executor: `inline` where `auto` meets a debugger or prints, which need the agent in this process.
+    """Return the executor. `auto` becomes `inline` with --pdb, --trace or -s, which need the agent in this process.
 
-    The official evaluator has the agent in a process of its own, whatever is asked for.
+    With the official evaluator `auto` becomes `processes`: the evaluator always drives in its own process.
     """
     executor = _known_executor(given)
     if executor != "auto" or given.source is None:
@@ -32,7 +32,7 @@ def _executor(given: GivenText) -> str:
 
 
 def _simulator(config: OptionSource) -> str:
-    """Return the simulator that was asked for; empty for the default."""
+    """Return the simulator of the command line, else of the ini file; `""` for the default."""
     return str(config.getoption("drive_sim") or config.getini("drive_sim"))
 
 
@@ -54,12 +54,11 @@ def _width(given: GivenText) -> int | None:
 
 @dataclass(frozen=True, slots=True)
 class ExecutionOptions:
-    """The choices of one run about how its episodes are driven; none of them but `lockstep` changes a number.
+    """How one run drives its episodes. Only `lockstep` can change a number: a batch may round unlike a single call.
 
-    The executor `inline` drives in the process of pytest, where no limit of time or memory is kept. `lockstep` is how
-    many episodes of an agent share a batch, None where all are driven one by one: a batch may round otherwise than a
-    single call does. `workers` is None for as many as fit; times are in seconds, None where there is no limit, and
-    `memory_bytes` too.
+    The executor `inline` drives in the process of pytest, without limits of time or memory. `lockstep` is the number of
+    episodes of one agent in a batch, None to drive each episode alone. `workers` is None for as many as fit. Times are
+    in seconds. A time or `memory_bytes` is None when there is no limit.
     """
 
     executor: str = option("--drive-executor", parse=_executor)
@@ -99,7 +98,7 @@ class ExecutionOptions:
         return options
 
     def check_workers(self) -> None:
-        """Raise `UsageError` when pytest-xdist's workers cannot drive like this."""
+        """Raise `UsageError` when pytest-xdist's workers cannot drive with these options: with the executor `ray`."""
         if self.executor == "ray":
             raise UsageError(
                 "--drive-executor ray and -n cannot be combined: every worker would start, or fill, a cluster of its "
@@ -107,7 +106,10 @@ class ExecutionOptions:
             )
 
     def slots(self, *, shared: bool) -> int:
-        """Return how many episodes at a time. `shared`: pytest-xdist's workers drive beside us, each on its core."""
+        """Return how many episodes to drive at a time: `workers`, else 1 if `shared`, else every core of this process.
+
+        `shared` says that other pytest-xdist workers drive at the same time, each on its own core.
+        """
         return self.workers or (1 if shared else available_cores())
 
 

@@ -1,4 +1,4 @@
-"""The marker `drive_robust(agent=, routes=, seeds=, ...)`: what some tests want driven or judged differently."""
+"""The marker `drive_robust(agent=, routes=, seeds=, ...)`: run options that differ for some tests."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _Mark(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class MarkerOptions:
-    """What the markers of one test say; None where they say nothing."""
+    """The options that the markers of one test give; None for each option that no marker gives."""
 
     agent: str | None = None
     routes: str | None = None
@@ -34,19 +34,22 @@ class MarkerOptions:
     reading: str | None = None
 
     def asked_reading(self, usual: DriveReading | None) -> DriveReading | None:
-        """Return the reading that these marks ask for, else the run's. Raises `UsageError` for an unknown one."""
+        """Return the reading of these marks, else `usual`, the run's. Raises `UsageError` for an unknown reading."""
         if self.reading is None:
             return usual
         return DriveReading(self.reading, f"the marker drive_robust(reading={self.reading!r})")
 
     def verdict_rule(self, usual: VerdictRule) -> VerdictRule:
-        """Return the run's verdict rule with what these marks change. Raises `UsageError`."""
+        """Return `usual`, the run's verdict rule, with the kind and the margin of these marks. Raises `UsageError`."""
         kind = usual.kind if self.verdict is None else self.verdict
         return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
 
     @classmethod
     def from_marks(cls, marks: Iterable[_Mark]) -> MarkerOptions:
-        """Merge the marks of a test, the closest first; the closest that names an option wins. Raises `UsageError`."""
+        """Merge the marks of a test, given closest first; for each option the closest mark that gives it wins.
+
+        Raises `UsageError` for a mark that cannot be used.
+        """
         merged = cls()
         for mark in marks:
             one = cls._from_mark(mark)
@@ -68,7 +71,7 @@ class MarkerOptions:
                 raise UsageError(f"the marker drive_robust has no option {name!r}.{hint} Known: {', '.join(names)}.")
         texts = {name: _text(mark.kwargs.get(name), name) for name in ("agent", "routes", "verdict", "reading")}
         options = cls(**texts, seeds=_seeds(mark.kwargs.get("seeds")), margin=mark.kwargs.get("margin"))
-        options.verdict_rule(VerdictRule())  # these two refuse what they cannot use
+        options.verdict_rule(VerdictRule())  # called for their checks
         options.asked_reading(None)
         return options
 

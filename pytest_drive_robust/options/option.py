@@ -30,7 +30,7 @@ class OptionSource(Protocol):
 
     @property
     def invocation_params(self) -> Any:
-        """What pytest was called with; `dir` is the folder it was called in."""
+        """The arguments of the pytest call; `dir` is the folder of the call."""
 
     def getoption(self, name: str) -> Any:
         """Return the value of a command line option."""
@@ -40,7 +40,7 @@ class OptionSource(Protocol):
 
 
 class GivenText(NamedTuple):
-    """The text that an option was given, or its default. `source` is None where defaults are read."""
+    """The text given for an option, or its default. `source` is None when only defaults are read."""
 
     flag: str
     text: str
@@ -48,14 +48,14 @@ class GivenText(NamedTuple):
 
 
 def _usual(given: GivenText) -> str | bool:
-    """Return the text, or for a switch whether it was given."""
+    """Return the text of an option; for a switch, whether the switch was given."""
     return bool(given.text) if OPTIONS[given.flag].is_switch else given.text
 
 
 def option(*flags: str, parse: Callable[..., Any] = _usual) -> Any:
-    """Return a dataclass field that is one option, or is made of several, which `parse` is given in their order.
+    """Return a dataclass field whose value comes from one option or several.
 
-    `parse` makes its value and raises `UsageError`.
+    `parse` gets one `GivenText` for each flag, in order, and returns the value, or raises `UsageError`.
     """
     options = tuple(OPTIONS[flag] for flag in flags)
     return field(
@@ -83,17 +83,17 @@ def read_fields(cls: Any, source: OptionSource) -> dict[str, Any]:
 def _parsed(parse: Callable[..., Any], given: Sequence[GivenText]) -> Any:
     try:
         return parse(*given)
-    except OSError as error:  # of a path, such as one that is too long
+    except OSError as error:  # a path may be too long, for example
         raise UsageError(f"{given[0].flag} is {given[0].text!r}, which cannot be used: {error.strerror}.") from None
 
 
 def was_given(flag: str, source: OptionSource) -> bool:
-    """Return True when the command line or the ini file says something about an option."""
+    """Return True when the command line or the ini file sets an option."""
     return bool(_text(OPTIONS[flag], source))
 
 
 def asked_for(flag: str, source: OptionSource) -> bool:
-    """Return True when the command line, and not the ini file alone, says something about an option."""
+    """Return True when the command line sets an option, whatever the ini file says."""
     return bool(source.getoption(OPTIONS[flag].name))
 
 
@@ -102,10 +102,10 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 
 
 def _text(option: Option, source: OptionSource) -> str:
-    """Return the command line's value, else the ini file's, else nothing.
+    """Return the command line's value, else the ini file's, else `""`.
 
-    Raises `UsageError` for a blank value on the command line: another agent would be judged, or nothing be compared, as
-    where a variable of CI is not set.
+    Raises `UsageError` for a blank value on the command line, for example from an unset variable of CI: the run would
+    judge another agent or compare nothing.
     """
     value = source.getoption(option.name)
     if option.is_switch:

@@ -1,4 +1,4 @@
-"""From the text of an option to its value. Every parser raises `UsageError`, which names the flag."""
+"""Parsers from the text of an option to its value. Every parser raises `UsageError`, which names the flag."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from pytest_drive_robust.options.option import GivenText, asked_for
 Name = TypeVar("Name", bound=str)
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
 _SEEDS_END = 1 << 53
-"""From here on a record takes no whole number: JSON readers tell them no more apart."""
+"""Seeds are below this number: JSON readers cannot tell larger whole numbers apart, so no record takes them."""
 _SECONDS = {"ms": 1e-3, "s": 1.0, "sec": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0, "d": 86_400.0}
 
 
 def one_of(names: tuple[Name, ...], what: str) -> Callable[[GivenText], Name]:
-    """Return a parser of one of the names; `what` is what people call them: `"metric mode"`."""
+    """Return a parser that accepts only `names`; `what` says in the error what a name means: `"metric mode"`."""
 
     def parse(given: GivenText) -> Name:
         for name in names:
@@ -32,7 +32,7 @@ def one_of(names: tuple[Name, ...], what: str) -> Callable[[GivenText], Name]:
 
 
 def seed_list(given: GivenText) -> tuple[int, ...]:
-    """Return `"0,1"` as distinct whole numbers >= 0."""
+    """Return the seeds in a text such as `"0,1"`: distinct whole numbers >= 0 and below 2^53."""
     words = [word.strip() for word in given.text.split(",")]
     if not all(word.isdecimal() for word in words):
         raise UsageError(
@@ -42,7 +42,11 @@ def seed_list(given: GivenText) -> tuple[int, ...]:
 
 
 def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
-    """Return the seeds when they are distinct whole numbers >= 0 and at least one; an error names `source`."""
+    """Return the seeds as a tuple.
+
+    Raises `UsageError`, which names `source`, unless there is at least one seed and all seeds are distinct whole
+    numbers >= 0 and below 2^53.
+    """
     numbers: list[int] = []
     for seed in seeds:
         if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
@@ -58,7 +62,7 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
 
 
 def share(given: GivenText) -> float:
-    """Return a number that shall lie between 0 and 1; whoever uses it checks the bounds."""
+    """Return a share as a number; the caller checks that the number lies between 0 and 1."""
     try:
         return float(given.text)
     except ValueError:
@@ -68,7 +72,7 @@ def share(given: GivenText) -> float:
 
 
 def seconds(given: GivenText) -> float | None:
-    """Return a number of seconds > 0, None for nothing and for `"none"`."""
+    """Return a number of seconds > 0; None for `""` and for `"none"`."""
     if given.text in ("", "none"):
         return None
     value = _number(given.text)
@@ -78,7 +82,7 @@ def seconds(given: GivenText) -> float | None:
 
 
 def time_limit_s(given: GivenText) -> float | None:
-    """Return `"90"`, `"90s"`, `"20m"`, `"1.5h"` as seconds > 0, None for nothing and for `"none"`."""
+    """Return a time such as `"90"`, `"90s"`, `"20m"` or `"1.5h"` in seconds > 0; None for `""` and for `"none"`."""
     if given.text in ("", "none"):
         return None
     match = re.fullmatch(_DURATION, given.text)
@@ -89,7 +93,7 @@ def time_limit_s(given: GivenText) -> float | None:
 
 
 def gigabytes(given: GivenText) -> int | None:
-    """Return gigabytes > 0 and below 1e9, as in `"4"`, in bytes, None for nothing."""
+    """Return a number of gigabytes, such as `"4"`, in bytes; None for `""`. The number is > 0 and below 1e9."""
     if not given.text:
         return None
     value_bytes = 1e9 * _number(given.text.lower().removesuffix("gb").removesuffix("g").strip())
@@ -99,7 +103,10 @@ def gigabytes(given: GivenText) -> int | None:
 
 
 def writable_file(given: GivenText) -> Path | None:
-    """Return the file to write at the end, None for nothing; refuse now what could not be written then."""
+    """Return the absolute path of a file to write when the run ends; None for `""`.
+
+    Raises `UsageError` now for a file that could not be written then.
+    """
     if not given.text:
         return None
     path = start_folder(given) / given.text
@@ -108,14 +115,15 @@ def writable_file(given: GivenText) -> Path | None:
         raise UsageError(f"{given.flag} is {given.text!r}, which is a folder; expected a file, as in {example}.")
     if path.exists() and not path.is_file():
         raise UsageError(f"{given.flag} is {given.text!r}, which is a pipe or a device; expected a file.")
-    _require_place(given, Path(os.path.realpath(path)))  # a link stays
+    _require_place(given, Path(os.path.realpath(path)))  # check where a link leads, but keep the link
     return path.absolute()
 
 
 def writable_folder(given: GivenText) -> Path | None:
-    """Return the folder to write at the end, None for nothing; refuse now what could not be made then.
+    """Return the absolute path of a folder to write when the run ends; None for `""`.
 
-    It may be there: whoever writes it says what may be in it.
+    Raises `UsageError` now for a folder that could not be made then. The folder may exist: the code that writes the
+    folder checks its content.
     """
     if not given.text:
         return None
@@ -133,14 +141,17 @@ def _require_place(given: GivenText, path: Path) -> None:
 
 
 def require_writable(given: GivenText, folder: Path) -> None:
-    """Raise `UsageError` where nothing could be put into a folder, nor the folder be made where it is not there."""
+    """Raise `UsageError` when no file could be written into `folder`, or a missing `folder` could not be made."""
     place = next(place for place in (folder, *folder.parents) if place.exists())
     if not (place.is_dir() and os.access(place, os.W_OK)):
         raise UsageError(f"{given.flag} is {given.text!r}, but {str(place)!r} cannot be written to.")
 
 
 def start_folder(given: GivenText) -> Path:
-    """Return where a path of an option starts: on the command line where pytest was called, in a file the root."""
+    """Return the folder where a path of an option starts.
+
+    A path of the command line starts in the folder where pytest was called, a path of the ini file in the root folder.
+    """
     if given.source is None:
         return Path()
     folder: Path = given.source.invocation_params.dir if asked_for(given.flag, given.source) else given.source.rootpath
@@ -148,14 +159,14 @@ def start_folder(given: GivenText) -> Path:
 
 
 def route_set(given: GivenText) -> str:
-    """Return the routes as they were said; a path in the ini file counts from the root folder: return it from here."""
+    """Return the given routes; a path in the ini file, relative to the root folder, becomes relative to this folder."""
     if given.source is None or asked_for(given.flag, given.source):
         return given.text
     return routes_from_root(given.text, given.source.rootpath, Path.cwd())
 
 
 def routes_from_root(text: str, root: Path, here: Path) -> str:
-    """Return routes that are said in a file of the project; a path from its root becomes one from the folder `here`."""
+    """Return the routes `text` of a file of the project; a path relative to `root` becomes relative to `here`."""
     found = re.fullmatch(r"(?P<file>.+\.xml)(?P<ids>:.*)?", text.strip())
     if found is None or Path(found["file"]).is_absolute():
         return text
@@ -163,22 +174,23 @@ def routes_from_root(text: str, root: Path, here: Path) -> str:
 
 
 def folder_path(given: GivenText) -> str:
-    """Return a folder as it was said, one that the ini file names by its whole path; whoever uses it looks into it."""
+    """Return the given folder; a folder of the ini file becomes an absolute path. The caller checks its content."""
     if not given.text or given.source is None or asked_for(given.flag, given.source):
         return given.text
     return str(start_folder(given) / given.text)
 
 
 def program(given: GivenText) -> str:
-    """Return a program as `folder_path` does where it is named by a path; a bare name is looked up by the system."""
+    """Return the path of a program as `folder_path` does; a bare name unchanged, for the system to look up."""
     return folder_path(given) if len(Path(given.text).parts) > 1 else given.text
 
 
 def store_folder(given: GivenText) -> str:
     """Return the folder of the store, relative to the root folder, or `"off"`.
 
-    What the command line says starts from the folder that pytest was called in, and is returned as an absolute path:
-    the root folder may be another one as soon as the store is there, as pytest takes it for a folder of tests.
+    A path of the command line starts in the folder where pytest was called and is returned as an absolute path. Once
+    the store exists, pytest may take its folder for a folder of tests and choose another root folder. Raises
+    `UsageError` when the path is a file.
     """
     if given.source is None or given.text == "off":
         return given.text
@@ -197,7 +209,7 @@ def _number(text: str) -> float:
 
 
 def _similar(folder: Path) -> str:
-    """Return a nearby folder that does exist, as a sentence of its own."""
+    """Return a sentence that suggests an existing folder with a similar name; `""` when there is none."""
     if not folder.parent.is_dir():
         return ""
     close = nearest(folder.name, [entry.name for entry in folder.parent.iterdir() if entry.is_dir()])

@@ -1,4 +1,4 @@
-"""What one run was asked to do: a frozen object built once from the command line and the ini file."""
+"""The options of one run: a frozen object built once from the command line and the ini file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEFAULT_ROUTES = OPTIONS["--drive-routes"].default
 DEFAULT_SIMULATOR = OPTIONS["--drive-sim"].default
 DEFAULT_STORE = OPTIONS["--drive-store"].default
 RESULTS = "results"
-"""What stands for a simulator, and for an agent without a name, with `--drive-results`."""
+"""The name of the simulator, and of an agent without a name, with `--drive-results`."""
 BENCH2DRIVE = "bench2drive"
 """The simulator that is the official evaluator."""
 
@@ -38,19 +38,20 @@ def _verdict_rule(kind: GivenText, margin: GivenText, alpha: GivenText) -> Verdi
 
 @dataclass(frozen=True, slots=True)
 class RunOptions:
-    """The choices of one run.
+    """The options of one run: what is driven, how it is judged and which reports are written.
 
-    `seeds` are non-negative and in the order given; `stuck_stop_s` is None when episodes are never cut short;
-    `json_path`, `csv_path` and `report_path` are None when none was asked for. `agent` and `simulator` are names that
-    the registry resolves. `verdict_rule` says how verdicts come about, `inconclusive` what one that shows nothing does
-    to its test, `correction` whether fails must stand among all requirements of the run. `store` is the folder of
-    finished episodes, relative to the root folder, or `"off"`; with `fresh` what other runs left there is not used.
-    `reading` is how failures are read, `reading_given` whether somebody said so: a switch in a sentence may differ from
-    the default reading, and must not contradict one that was asked for.
-    `routes_given` tells whether somebody chose `routes`: where nobody did, a simulator may bring its own. `seeds_given`
-    tells the same of `seeds`: where nobody did, results are judged over all repetitions that they hold. `agent_given`
-    tells it of `agent`: where nobody did, an agent of ours is judged.
-    `plugins` register names of their own, in the words that `drive-robust -p` takes.
+    `agent` and `simulator` are names that the registry resolves. `seeds` are non-negative, in the order given.
+    `stuck_stop_s` (seconds) is None when episodes are never cut short. `verdict_rule` says how verdicts are reached,
+    `inconclusive` what an inconclusive verdict does to its test, and `correction` whether a fail must hold among all
+    requirements of the run. `store` is the folder of finished episodes, relative to the root folder, or `"off"`. With
+    `fresh` the episodes of earlier runs in the store are not used. `json_path`, `csv_path` and `report_path` are None
+    for reports that are not wanted.
+
+    `routes_given`, `seeds_given`, `agent_given` and `reading_given` are True when the user chose the value. By default
+    a simulator may bring its own routes, results are judged over all their repetitions, and an agent of ours is judged.
+    `reading` is how perturbations are read; a switch in a sentence may differ from the default reading, but must not
+    contradict a reading that the user chose. `plugins` are the plugins that register names, as `drive-robust -p` takes
+    them.
     """
 
     agent: str = option("--drive-agent")
@@ -95,12 +96,12 @@ class RunOptions:
 
     @property
     def is_external(self) -> bool:
-        """Return True when no simulator of ours is driven, so that `drive-robust replay` cannot drive it again."""
+        """True when no simulator of ours drives, so that `drive-robust replay` cannot drive an episode again."""
         return self.simulator in (RESULTS, BENCH2DRIVE)
 
     @property
     def asked_reading(self) -> DriveReading | None:
-        """The reading that the command line or the ini file asks for, None where neither does."""
+        """The reading that the command line or the ini file sets; None when neither sets one."""
         return DriveReading(self.reading, f"--drive-reading {self.reading}") if self.reading_given else None
 
     def to_json(self) -> dict[str, object]:

@@ -1,7 +1,8 @@
 """Every option of the command line and the ini file, stated once: flag, metavar, default, help.
 
-A dataclass of options reads it by its flag: `options.run` (what is driven and judged), `options.execution` (how) and
-`regression.options` (against which run). Every pytest session imports this module, and of the options nothing else.
+Dataclasses read the table by flag: `options.run` (what is driven and judged), `options.execution` (how episodes are
+driven) and `regression.options` (which run to compare with). Every pytest session imports this module, but no other
+module of `options`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import NamedTuple
 class Option(NamedTuple):
     """One command line option with the ini key of the same meaning. The command line wins.
 
-    `bare` is what the flag means without a value; empty where it needs one. A switch has neither value nor ini key.
+    `bare` is the value of the flag alone, `""` when the flag needs a value. A switch has neither value nor ini key.
     """
 
     flag: str
@@ -24,7 +25,7 @@ class Option(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The ini key, and what pytest calls the value: `"drive_agent"`."""
+        """The ini key, which is also pytest's name for the value: `"drive_agent"`."""
         return self.flag.lstrip("-").replace("-", "_")
 
 

@@ -1,6 +1,6 @@
-"""The pytest plugin: all that imports pytest. pytest loads this package by its entry point and finds the hooks here.
+"""The plugin: every module that imports pytest. pytest loads this package by its entry point and finds the hooks here.
 
-Inert without `--drive-robust`: `hooks` hands over to the other modules, which are imported when they are needed.
+Without `--drive-robust` the plugin does nothing. `hooks` imports the other modules when a session needs them.
 """
 
 from __future__ import annotations

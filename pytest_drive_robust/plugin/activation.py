@@ -1,6 +1,6 @@
-"""With `--drive-robust`: what this process does, registered as plugin objects. Imported only then.
+"""Registers the plugin objects of this process under `--drive-robust`. Imported only with that option.
 
-What few sessions use is imported by those, as every module takes a millisecond of a run that is answered by the store.
+Modules that few sessions use are imported late: each import adds a millisecond to a run whose episodes are all stored.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from pytest_drive_robust.store.opening import new_run_name, open_store
 
 
 def activate(config: pytest.Config) -> None:
-    """Decide what this process does, and register only that. Raises `UsageError`."""
+    """Register the plugin objects that this process needs. Raises `UsageError` for options that cannot be used."""
     if not is_worker(config):
         refuse_moved_root(config)
     refuse_unknown_keys(config)
@@ -54,7 +54,7 @@ def activate(config: pytest.Config) -> None:
         from pytest_drive_robust.plugin.plan_option import check_plan_alone
 
         check_plan_alone(config)
-    checks = RegressionChecks(regression, options, waivers)  # before anything is driven: its reference may not be there
+    checks = RegressionChecks(regression, options, waivers)  # before driving: a missing reference costs no episode
     session = _Session(config, options, execution, regression, checks, waivers)
     if not is_worker(config):
         session.report()
@@ -69,7 +69,7 @@ def activate(config: pytest.Config) -> None:
 
 
 class _Session(NamedTuple):
-    """What was asked of this process."""
+    """The options of the run and the checks made from them, for the plugin objects of this process."""
 
     config: pytest.Config
     options: RunOptions
@@ -79,10 +79,13 @@ class _Session(NamedTuple):
     waivers: Waivers
 
     def report(self) -> None:
-        """Drive here or follow what the workers drive: in the one process that people look at."""
+        """Register the reports of the run, in the controller of pytest-xdist or in the only process, which also drives.
+
+        Raises `UsageError` for options that cannot be used.
+        """
         config, options = self.config, self.options
         if options.report_path is not None:
-            from pytest_drive_robust.report.pages.folder import check_folder  # loads what pages are made with
+            from pytest_drive_robust.report.pages.folder import check_folder  # loads the page templates
 
             check_folder(options.report_path, source="--drive-report")
         first_line = " ".join((header(options), *self.regression.in_words()))
@@ -104,10 +107,10 @@ class _Session(NamedTuple):
             config.pluginmanager.register(ProbePlugin(config, options, outputs), "drive_robust_probing")
 
     def drive(self, store: EpisodeStore, observer: Observer) -> None:
-        """Drive with `store` and tell `observer` of it."""
+        """Register the plugin objects that drive episodes into `store` and send events to `observer`."""
         config, options, execution = self.config, self.options, self.execution
         scopes, executor = backend_for(config, options, execution, store=store, ticked=observer.ticked)
-        keeps = options.store != "off"  # for other runs, which know the episodes of an agent by its keys
+        keeps = options.store != "off"  # later runs read these episodes by key, so the key must fit the agent
         campaign = Campaign(
             store,
             executor,

@@ -20,10 +20,10 @@ from pytest_drive_robust.runner.campaign import Judgement
 
 
 def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> str:
-    """Attach what there is to see to the current test, where allure-pytest writes a report.
+    """Attach the plots and the film of the worst route to the current test, when allure-pytest writes a report.
 
-    Returns what is missing there and why, as a line of the failure, or nothing: no picture takes the place of a
-    verdict.
+    Returns `""`, or a line for the failure message that says why an attachment is missing: an error here must not hide
+    the verdict.
     """
     try:
         _attach(config, judgement, options, routes_spec=routes_spec)
@@ -33,7 +33,7 @@ def attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, 
 
 
 def _attach(config: pytest.Config, judgement: Judgement, options: RunOptions, *, routes_spec: str) -> None:
-    """Attach plots and the film: what the replay line writes, in a process of its own; none where others drive."""
+    """Attach plots, and the film that the replay command writes in its own process; no film for external episodes."""
     if not config.getoption("allure_report_dir", None) or not judgement.verdict.worst:
         return
     import allure  # here: an optional plugin

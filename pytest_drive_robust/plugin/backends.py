@@ -1,4 +1,4 @@
-"""What answers the requests of a run: our simulators, the official evaluator, or results that are there already."""
+"""Chooses what answers the episode requests of a run: our simulators, the official evaluator, or existing results."""
 
 from __future__ import annotations
 
@@ -40,9 +40,10 @@ def backend_for(
     store: EpisodeStore,
     ticked: Callable[[], object],
 ) -> tuple[Scopes, Executor]:
-    """Return the scopes of tests and the executor of their episodes; nothing is started before the first one.
+    """Return the scopes of tests and the executor of their episodes. No process starts before the first episode.
 
-    `ticked` is called after every tick that this process drives itself. Raises `UsageError`.
+    `ticked` is called after every tick that this process drives itself. Raises `UsageError` for options or a platform
+    that the executor cannot use.
     """
     if options.is_external:
         return _external_backend(config, options, execution)
@@ -59,7 +60,7 @@ def backend_for(
 def _external_backend(
     config: pytest.Config, options: RunOptions, execution: ExecutionOptions
 ) -> tuple[Scopes, Executor]:
-    """Return what answers where somebody else drives, or has driven. Raises `UsageError`."""
+    """Return the scopes and the executor of the official evaluator, or of results. Raises `UsageError`."""
     from pytest_drive_robust.bench2drive.results.external_scopes import ExternalScopes, ResultsScopes
 
     registry = default_registry()
@@ -71,7 +72,7 @@ def _external_backend(
 
 
 def _evaluator(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> Bench2DriveExecutor:
-    """Return the executor of the official evaluator. Raises `UsageError` where that cannot run."""
+    """Return the executor of the official evaluator. Raises `UsageError` when the evaluator cannot run here."""
     check_platform(
         f"--drive-sim {BENCH2DRIVE}", "Drive there, and judge the records here: --drive-results SETTING=FOLDER."
     )
@@ -104,7 +105,7 @@ def _executor(
     scopes: Scopes,
     ticked: Callable[[], object],
 ) -> Executor:
-    """Return the executor that was asked for; `scopes` know the agents of the plan at the first episode."""
+    """Return the executor that the options name; `scopes` know the agents of the plan at the first episode."""
     if execution.executor == "inline":
         from pytest_drive_robust.runner.inline_executor import InlineExecutor
 
@@ -141,11 +142,11 @@ def _executor(
 def _worker_setup(
     config: pytest.Config, options: RunOptions, execution: ExecutionOptions, scopes: Scopes
 ) -> WorkerSetup:
-    """Return how a fresh process comes to know the names that this one knows."""
-    own = {} if execution.executor == "ray" else environment_of(config)  # each node has one of its own
+    """Return what a worker process needs to resolve the same names as this process."""
+    own = {} if execution.executor == "ray" else environment_of(config)  # each node keeps its own environment
     return WorkerSetup(
         python_path=tuple(place for place in sys.path if isinstance(place, str)),  # Python passes over a `Path`
-        folder=str(config.invocation_params.dir),  # a test may have gone elsewhere since
+        folder=str(config.invocation_params.dir),  # a test may have changed the current folder
         plugins=tuple(plugin_source(plugin) for plugin in naming_plugins(config.pluginmanager)),
         simulator=options.simulator,
         options=simulator_options(options),

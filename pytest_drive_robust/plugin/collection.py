@@ -1,4 +1,4 @@
-"""What the selected tests need, checked and counted after collection and before anything is driven."""
+"""Plans the episodes of the selected tests, and checks their names, after collection and before driving."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from pytest_drive_robust.store.events import Advised, NamesRegistered
 from pytest_drive_robust.verdict.requirement import by_evidence
 
 DESELECTED = "drive_robust_deselected"
-"""In what a worker of pytest-xdist hands over at its end: tests were left out of its collection."""
+"""Key in a worker's output: True when tests were deselected in the worker's collection."""
 
 
 class CollectionPlugin:
-    """In every process that runs tests: plans the episodes of the selected tests.
+    """Plans the episodes of the selected tests, in every process that runs tests.
 
-    `requests` are these episodes by key, `verdict_plans` what their verdicts read of them; in the order of the tests.
+    `requests` holds these episodes by key, `verdict_plans` the episodes that each verdict reads, in the order of tests.
     """
 
     def __init__(self, checks: RegressionChecks) -> None:
@@ -44,7 +44,7 @@ class CollectionPlugin:
         self._judged_by_evidence = 0
 
     def pytest_deselected(self, items: list[pytest.Item]) -> None:
-        """Tell the controller that tests were left out, where another process than this one reports."""
+        """Tell the controller, from a worker, that tests were deselected."""
         for item in items[:1]:
             if is_worker(item.config):
                 worker_output(item.config)[DESELECTED] = True
@@ -56,7 +56,7 @@ class CollectionPlugin:
         if problems_of(config):
             return
         context = _with_all_plugins(config)
-        if not context.options.is_external:  # others start the agents of the official evaluator
+        if not context.options.is_external:  # the official evaluator starts its agents itself
             keep_environment(config)
         driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
@@ -67,7 +67,7 @@ class CollectionPlugin:
             config.stash[DRIVE_CONTEXT] = context
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
-        whole = all(map(requirements_of, driving))  # others say in their bodies what they need
+        whole = all(map(requirements_of, driving))  # a test without a parameter names its requirement in its body
         note_problem(
             config, "", lambda: self._checks.check_plan(self.requests.values(), scopes=context.scopes, whole=whole)
         )
@@ -78,9 +78,9 @@ class CollectionPlugin:
         gc.freeze()  # what is loaded by now stays: pytest collects garbage twice at its end, and need not look at it
 
     def pytest_report_collectionfinish(self) -> list[str]:
-        """Return what so many routes cannot show: a sentence about the first metric, because all resolve alike.
+        """Return advice lines: first what the scopes leave unjudged, then what this number of routes cannot show.
 
-        Before it, what is there and is not judged.
+        The second kind is one sentence, about the first metric, because all metrics resolve alike.
         """
         return [f"drive-robust: {text}" for text in self._advised]
 
@@ -89,12 +89,12 @@ class CollectionPlugin:
         return (*self._advice_on_scopes, *self._advice.values())
 
     def _identify(self, context: DriveContext) -> None:
-        """Tell the record what agents and routes are made of."""
+        """Send the identity of each agent and route set to the run's record."""
         for scope in self._scopes.values():
             context.campaign.observer(context.scopes.identify(scope))
 
     def _add(self, context: DriveContext, item: pytest.Item) -> None:
-        """Add the episodes of one test. Raises `UsageError` where its routes can show next to nothing."""
+        """Add the episodes of one test. Raises `UsageError` when the test has too few routes for its rule."""
         marker = marker_options(item)
         scope = context.scopes.of(marker)
         self._scopes.setdefault((scope.agent, scope.routes_spec), scope)
@@ -115,7 +115,7 @@ class CollectionPlugin:
 
 
 def _is_skipped(item: pytest.Item) -> bool:
-    """Return True for a test that its marks skip: what it would drive need not be there, as on a machine without it."""
+    """Return True for a test that its marks skip: the agent of a skipped test may be missing on this machine."""
     try:
         return item.config.pluginmanager.hasplugin("skipping") and evaluate_skip_marks(item) is not None
     except (Exception, pytest.fail.Exception):  # a condition that cannot be evaluated: pytest says so in the test
@@ -123,7 +123,7 @@ def _is_skipped(item: pytest.Item) -> bool:
 
 
 def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
-    """Return the agent and the routes that the first test names by its marker; None where some test names none.
+    """Return the agent and the routes of the first test's marker; each is None when some test's marker names none.
 
     Raises `UsageError` for a marker that cannot be used.
     """
@@ -135,7 +135,7 @@ def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
 
 
 def _with_all_plugins(config: pytest.Config) -> DriveContext:
-    """Return the context, which now knows also the plugins that came with the tests; tell the record of them."""
+    """Update the context, and the run's record, with the plugins loaded during collection; return the context."""
     context = config.stash[DRIVE_CONTEXT]
     plugins = plugin_words(config.pluginmanager)
     context = config.stash[DRIVE_CONTEXT] = context._replace(options=replace(context.options, plugins=plugins))

@@ -1,4 +1,4 @@
-"""In every process that runs tests: failures in our words, and simulators closed at the end."""
+"""Writes our failure messages into test reports, and closes simulators, in every process that runs tests."""
 
 from __future__ import annotations
 
@@ -35,7 +35,10 @@ _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
 
 
 class DrivingPlugin:
-    """Reports on tests that drive. `last_words()` are what broken episodes printed since it was asked last."""
+    """Reports on tests that drive.
+
+    `last_words()` returns (episode, printed text) of the episodes that broke since the last call.
+    """
 
     def __init__(self, campaign: Campaign, last_words: Callable[[], tuple[tuple[str, str], ...]]) -> None:
         self._campaign = campaign
@@ -43,7 +46,7 @@ class DrivingPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
-        """Forget what an attempt before this one noted: a plugin that runs failed tests again keeps the item."""
+        """Forget the notes of an earlier attempt: a plugin that runs failed tests again keeps the item."""
         item.stash[NOT_JUDGED_ERROR] = None
         item.stash[RAISED] = []
         item.user_properties[:] = [
@@ -54,9 +57,10 @@ class DrivingPlugin:
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Put our message in one line into the short summary, and mark what could not be judged.
+        """Put the first line of our message into the short summary, and mark a test that could not be judged.
 
-        Who expects a test to fail expects it of the agent: that hides no error, and an open verdict does not deny it.
+        An expected failure (xfail) is expected of the agent: xfail hides no `NotJudgedError`, and an inconclusive
+        verdict breaks no strict xfail.
         """
         report = yield
         error = _error_of(item, call)
@@ -74,7 +78,7 @@ class DrivingPlugin:
         elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
             report.outcome, report.longrepr = "passed", None
         if report.failed and _is_unasked(item, report):
-            vars(report)[BROKE_UNASKED] = True  # it travels, too
+            vars(report)[BROKE_UNASKED] = True  # a plain attribute, as below
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
@@ -82,23 +86,23 @@ class DrivingPlugin:
             stated = error.what if isinstance(error, NotJudgedError) else error.verdict.requirement
             place = place_of(item, stated)
             if place is not None:
-                report.location = (place[0], place[1] - 1, report.location[2])  # from 0
+                report.location = (place[0], place[1] - 1, report.location[2])  # pytest counts lines from 0
             if isinstance(error, NotJudgedError):
-                vars(report)[NOT_JUDGED] = True  # a plain attribute: it travels from workers
+                vars(report)[NOT_JUDGED] = True  # a plain attribute: pytest-xdist sends it from workers
             report.sections += [
                 (legible(f"printed by {episode}"), legible(text)) for episode, text in self._last_words()
             ]
         return report
 
     def pytest_runtest_logfinish(self) -> None:
-        """Store what ended meanwhile: the next test may be long and drive nothing, and another worker may wait."""
-        with ONE_AT_A_TIME:  # a thread of the test may be there still
+        """Store the episodes that have ended: another worker may wait for them, and the next test may drive nothing."""
+        with ONE_AT_A_TIME:  # a thread of the test may still ask for episodes
             self._campaign.scheduler.collect()
 
     def pytest_keyboard_interrupt(self) -> None:
-        """Cut off what is under way: a worker of pytest-xdist whose controller was killed hears of it like this.
+        """Cut off the episodes under way: a pytest-xdist worker whose controller was killed gets this hook call.
 
-        What it tries to report then fails, and pytest leaves it without unconfiguring.
+        The worker's report then fails, and pytest ends the worker without calling `pytest_unconfigure`.
         """
         self._campaign.scheduler.close()
 
@@ -108,19 +112,19 @@ class DrivingPlugin:
 
 
 def _first_line(error: BaseException) -> str:
-    """Return what a report says of our error in one line."""
+    """Return the first line of our error message, for a report."""
     return str(error).partition("   (")[0].partition("\n")[0]
 
 
 def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException | None:
-    """Return what a test raised; `unittest.expectedFailure` has put an error of its own in the place of ours."""
+    """Return the error that a test raised; `unittest.expectedFailure` replaces ours, which is then read from `item`."""
     if getattr(getattr(item, "obj", None), "__unittest_expecting_failure__", False) and call.when == "call":
         return item.stash.get(NOT_JUDGED_ERROR, None)
     return call.excinfo.value if call.excinfo is not None else None
 
 
 def _forgotten(item: pytest.Item) -> NotJudgedError | None:
-    """Return what to say of a test that has a requirement as its parameter and asked `drive` for nothing: no pass."""
+    """Return the error of a test that has a requirement as parameter but never asked `drive`; None for other tests."""
     drive, callspec = getattr(item, "funcargs", {}).get("drive"), getattr(item, "callspec", None)
     if not isinstance(drive, Drive) or drive.was_asked or callspec is None:
         return None
@@ -131,7 +135,7 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
 
 
 def _is_unasked(item: pytest.Item, report: pytest.TestReport) -> bool:
-    """Return True where a test that has `drive` has not asked it for anything, as its own fixtures may break."""
+    """Return True for a test that uses `drive` and broke before asking for anything, for example in another fixture."""
     if not uses_drive(item) or "drive" not in getattr(item, "fixturenames", ()):
         return False
     drive = getattr(item, "funcargs", {}).get("drive")
@@ -139,7 +143,7 @@ def _is_unasked(item: pytest.Item, report: pytest.TestReport) -> bool:
 
 
 def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:
-    """Return what pytest shows of an error that the test itself did not raise: it stands where the test begins."""
+    """Return what pytest shows for an error that the test did not raise itself, placed at the test's first line."""
     try:
         raise error
     except NotJudgedError:
@@ -151,9 +155,9 @@ def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:
 
 
 def _plain(value: object) -> object:
-    """Return a property of a test as a value that travels from workers, which only Python's own classes do.
+    """Return a test property as a value of Python's own classes: pytest-xdist sends no other from a worker.
 
-    `drive.ds(...)` is a float, `result.outcome` a str and `drive.largest(...)` a tuple of a class of ours.
+    `drive.ds(...)` is a subclass of float, `result.outcome` of str and `drive.largest(...)` of tuple.
     """
     if isinstance(value, Enum):
         return _plain(value.value)

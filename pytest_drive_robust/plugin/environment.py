@@ -1,6 +1,6 @@
-"""The environment variables of agents: those that there were when the tests had been collected.
+"""Keeps the environment variables of agents: the variables that were set when collection ended.
 
-All tests share the episodes, and stored ones stand for driven ones, so what one test sets cannot be theirs.
+All tests share episodes, and a stored episode replaces a driven one, so no test may set a variable for an agent.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ _MOST_NAMED = 5
 
 
 class _Variables(NamedTuple):
-    """What is remembered of the environment: a change that a test makes does not reach the agents.
+    """The environment variables at the end of collection. A change that a test makes does not reach the agents.
 
-    `collected` holds the variables that agents get; `known` those that no test has changed, where a change by driving
-    counts as known, as some libraries set variables when they are loaded; `told` the names that were warned about.
+    `collected` holds the variables that agents get. `known` holds `collected` plus the changes made while driving,
+    because some libraries set variables when they are loaded. `told` holds the names that were warned about.
     """
 
     collected: dict[str, str]
@@ -33,13 +33,13 @@ _VARIABLES = pytest.StashKey[_Variables]()
 
 
 def keep_environment(config: pytest.Config) -> None:
-    """Take the present variables for those of the agents."""
-    pytests = {"PYTEST_CURRENT_TEST"}  # it sets this one for each test
+    """Keep the present variables as the variables of the agents."""
+    pytests = {"PYTEST_CURRENT_TEST"}  # pytest sets it for each test
     config.stash[_VARIABLES] = _Variables(dict(os.environ), dict(os.environ), pytests)
 
 
 def environment_of(config: pytest.Config) -> dict[str, str]:
-    """Return the variables of the agents, empty where nothing was collected."""
+    """Return the variables of the agents; empty before collection has ended."""
     variables = config.stash.get(_VARIABLES, None)
     return {} if variables is None else variables.collected
 
@@ -59,7 +59,7 @@ def variables_of_tests_told(item: pytest.Item) -> Iterator[None]:
 
 @contextmanager
 def variables_of_driving_known(config: pytest.Config) -> Iterator[None]:
-    """Drive in the body: what that changes is no test's."""
+    """Count variables that change in the body as changed by driving, not by a test."""
     variables = config.stash.get(_VARIABLES, None)
     if variables is None:
         yield

@@ -9,7 +9,7 @@ from pytest_drive_robust.verdict.evaluate import Verdict
 
 _DECIMALS = 9
 _ROUNDING = 1e-12
-"""Of 0.30000000000000004, which is 1 - 70 / 100, what is beyond 0.30 is no degradation."""
+"""Floating-point error to round away: 1 - 70 / 100 gives 0.30000000000000004, which must pass `<= 0.30`."""
 
 
 class Estimate(float):
@@ -24,7 +24,7 @@ class Estimate(float):
 
     @classmethod
     def of(cls, verdict: Verdict) -> Estimate:
-        """Return the value of a verdict, without rounding: `<= 0.30` holds where a requirement of that limit does."""
+        """Return the value of a verdict without floating-point error: `<= 0.30` agrees with a requirement `<= 0.30`."""
         short = round(verdict.value, _DECIMALS)
         estimate = cls(short if math.isclose(short, verdict.value, rel_tol=0.0, abs_tol=_ROUNDING) else verdict.value)
         estimate.metric = verdict.requirement.metric.name

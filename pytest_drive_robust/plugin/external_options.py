@@ -1,4 +1,4 @@
-"""The options of a run where somebody else drives, or has driven: what they mean, and which have no effect."""
+"""Adapts the options of a run that the official evaluator drives, or that judges results; refuses unused options."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ _READS_RESULTS = "--drive-results, which judges what was driven before. Leave it
 
 
 def external_options(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> RunOptions:
-    """Return the options of a run where somebody else drives or has driven: nothing is kept in our store.
+    """Return the run options, adapted to the official evaluator or to results; unchanged for our simulators.
 
-    The evaluator keeps its own records and ends episodes by rules of its own. Results are read here: where nobody gave
-    seeds their repetitions are the seeds, in the header of every process too. Raises `UsageError` for options that do
-    not go together.
+    Our store keeps no external episode. The evaluator keeps its own records and ends episodes by its own rules, so
+    `stuck_stop_s` is None. Results are read here, in every process: when no seeds were given, the repetitions of the
+    results are the seeds, also in the header. Raises `UsageError` for options that do not go together.
     """
     if execution.results:
         if options.simulator == BENCH2DRIVE and not asked_for("--drive-results", config):
@@ -60,18 +60,18 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
 
 
 def _read_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> ResultsExecutor:
-    """Read what `--drive-results` names, once in each process. Raises `UsageError`."""
+    """Read the results that `--drive-results` names, once in each process. Raises `UsageError`."""
     from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
 
     known = default_registry().perturbations()
-    start = None if asked_for("--drive-results", config) else config.rootpath  # a file of the project names them
+    start = None if asked_for("--drive-results", config) else config.rootpath  # the ini file's paths start there
     results = ResultsExecutor.read(execution.results, known, options.asked_reading, start=start)
     config.stash[RESULTS_READ] = results
     return results
 
 
 def _unheeded_by_evaluator(options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
-    """Return for each flag that the official evaluator does not know whether it asks for something."""
+    """Return, for each flag that the official evaluator ignores, whether its value asks for an effect."""
     return {
         "--drive-act-timeout": execution.act_timeout_s is not None,
         "--drive-memory": execution.memory_bytes is not None,
@@ -84,7 +84,7 @@ def _unheeded_by_evaluator(options: RunOptions, execution: ExecutionOptions) -> 
 
 
 def _unheeded_by_results(config: pytest.Config, options: RunOptions, execution: ExecutionOptions) -> dict[str, bool]:
-    """Return for each flag of driving whether it asks for something: results are driven already."""
+    """Return, for each flag about driving, whether its value asks for an effect: results are driven already."""
     return {
         **_unheeded_by_evaluator(options, execution),
         "--drive-sim": True,
@@ -99,7 +99,7 @@ def _unheeded_by_results(config: pytest.Config, options: RunOptions, execution: 
 def _refuse_unheeded(config: pytest.Config, unheeded: Mapping[str, bool], *, why: str) -> None:
     """Raise `UsageError` for a flag of `unheeded` that the command line asks for.
 
-    The ini file may ask for it: it is of other runs, too.
+    The ini file may set such a flag: other runs read the ini file, too.
     """
     for flag, is_unheeded in unheeded.items():
         if is_unheeded and asked_for(flag, config):

@@ -1,4 +1,4 @@
-"""The fixtures `drive` and `drive_agent`. Every session imports this module; what drives is in `plugin.judging`."""
+"""Fixtures `drive` and `drive_agent`. Every session imports this module; `plugin.judging` contains what drives."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def _context(request: pytest.FixtureRequest) -> DriveContext:
 
 
 def uses_drive(item: pytest.Item) -> bool:
-    """Return True for a test that asks for one of these fixtures, itself or through others.
+    """Return True for a test that uses our `drive` or `drive_agent`, directly or through another fixture.
 
-    A project may have a fixture of its own called so, of a disk or a robot: its tests are none of ours.
+    A project may have its own fixture named `drive`, for a disk or a robot: a test with that fixture returns False.
     """
     known = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
     asked = _FIXTURES.intersection(getattr(item, "fixturenames", ()))
@@ -46,7 +46,7 @@ def uses_drive(item: pytest.Item) -> bool:
 
 
 def _is_ours(name: str, definitions: Sequence[pytest.FixtureDef[Any]]) -> bool:
-    """Return whether the last of these is ours, or asks for the one before it, and that is."""
+    """Return whether the last of `definitions` is our fixture, or overrides ours and requests it."""
     for definition in reversed(definitions):
         if definition.func.__module__ == __name__:
             return True

@@ -1,7 +1,7 @@
 """The hooks of every session: options, registration of names, checks of the collection.
 
-Inert without `--drive-robust`; with it, `plugin.activation` registers the plugin objects that drive and report.
-Everything that is imported here is paid for by every pytest session, hence the late imports.
+Without `--drive-robust` nothing is driven. With that option, `plugin.activation` registers the plugin objects that
+drive and report. Every pytest session pays for the imports of this module, hence the late imports.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _MARKER_LINE = (
 _HOOK = "pytest_drive_robust_register"
 _REGISTRY = "pytest_drive_robust.registry.registry"
 _SESSIONS: list[pytest.Config] = []
-"""The sessions under way in this process, each inside the one before it, as pytester runs them."""
+"""The pytest sessions under way in this process, outermost first: pytester runs one session inside another."""
 _OUTER_NAMES = pytest.StashKey[int]()
 
 
@@ -52,7 +52,10 @@ def pytest_addhooks(pluginmanager: pytest.PytestPluginManager) -> None:
 
 
 def pytest_plugin_registered(plugin: object, manager: pytest.PytestPluginManager) -> None:
-    """Refuse an optional hook that is almost called as ours: what it registers would be missing, or another's."""
+    """Refuse an optional hook whose name is almost that of our hook, because pytest would never call such a hook.
+
+    Its names would be missing, or mean an entry of another plugin.
+    """
     if any(name.startswith("pytest_drive") and name != _HOOK for name in getattr(plugin, "__dict__", ())):
         from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_hooks
         from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
@@ -67,7 +70,7 @@ def pytest_plugin_registered(plugin: object, manager: pytest.PytestPluginManager
 
 @pytest.hookimpl(wrapper=True)
 def pytest_load_initial_conftests(parser: pytest.Parser, args: list[str]) -> Generator[None, object, object]:
-    """Name the option that was meant by one that begins as ours do and is none; a conftest may have added it."""
+    """Refuse an unknown `--drive...` option and name the nearest one, after the first conftest files added theirs."""
     result = yield
     if any(word.startswith("--drive") and word.partition("=")[0] not in OPTIONS for word in args):
         from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_options
@@ -83,7 +86,7 @@ def pytest_load_initial_conftests(parser: pytest.Parser, args: list[str]) -> Gen
 
 @pytest.hookimpl(trylast=True)  # the terminal reporter must be there
 def pytest_configure(config: pytest.Config) -> None:
-    """Register names and, with `--drive-robust`, what drives and reports."""
+    """Register names and, with `--drive-robust`, the plugin objects that drive and report."""
     config.addinivalue_line("markers", _MARKER_LINE)
     _hide_names_of_outer(config)
     try:
@@ -125,7 +128,7 @@ def pytest_make_parametrize_id(val: object) -> str | None:
 def pytest_make_collect_report(
     collector: pytest.Collector,
 ) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Turn a sentence that we do not understand into a usage error (exit code 4) without a traceback of our parser."""
+    """Turn a requirement that does not parse into a usage error (exit code 4) without a traceback of our parser."""
     report = yield
     if not report.failed:
         return report
@@ -140,7 +143,7 @@ def pytest_make_collect_report(
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Check the markers; without `--drive-robust`, skip what would have to drive."""
+    """Check the markers; without `--drive-robust`, skip every test that uses `drive`."""
     for item in items:
         if item.get_closest_marker("drive_robust") is not None:
             _check_markers(item)
@@ -155,16 +158,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Refuse what was found wrong while collecting. `plugin.collection` was called before and made the plan."""
+    """Raise the usage errors found during collection. `plugin.collection` has already planned the episodes."""
     usage_errors = sys.modules.get("pytest_drive_robust.plugin.usage_errors")  # not loaded: nothing is wrong
     if usage_errors is not None:
         usage_errors.refuse_problems(session)
 
 
 def _refuse_options_alone(config: pytest.Config) -> None:
-    """Refuse an option of ours that was typed without the switch: all that drives would be skipped, and look green.
+    """Refuse our options typed without `--drive-robust`: all tests that drive would be skipped, and the run look green.
 
-    What `addopts` and PYTEST_ADDOPTS say is for the runs with the switch; what is collected only is no run.
+    Options in `addopts` and PYTEST_ADDOPTS are allowed: they serve the runs with `--drive-robust`. `--collect-only` is
+    allowed, too: no test runs.
     """
     if config.option.collectonly:
         return
@@ -174,7 +178,7 @@ def _refuse_options_alone(config: pytest.Config) -> None:
 
 
 def _hide_names_of_outer(config: pytest.Config) -> None:
-    """Begin without the names of the session that this one runs in, which has them back afterwards."""
+    """Hide the registered names of an outer session from this one; `pytest_unconfigure` brings them back."""
     registry = sys.modules.get(_REGISTRY)  # not loaded: there are none
     if _SESSIONS and registry is not None:
         config.stash[_OUTER_NAMES] = registry.hide_names()
@@ -182,7 +186,7 @@ def _hide_names_of_outer(config: pytest.Config) -> None:
 
 
 class _LazyRegistry:
-    """`default_registry()`, imported when a hook first touches it: most sessions have no such hook."""
+    """Stands for `default_registry()` and imports it when a hook first uses it: most sessions have no such hook."""
 
     def __getattr__(self, name: str) -> Any:
         from pytest_drive_robust.registry.registry import default_registry
@@ -191,7 +195,7 @@ class _LazyRegistry:
 
 
 def _carry_problems(config: pytest.Config) -> None:
-    """Have usage errors of the workers of pytest-xdist reported, where there are workers."""
+    """Register the carrier of usage errors from pytest-xdist workers to the controller, when there are workers."""
     from pytest_drive_robust.plugin.process_roles import is_controller, is_worker
 
     if is_controller(config) or is_worker(config):

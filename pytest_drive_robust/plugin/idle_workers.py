@@ -1,4 +1,4 @@
-"""A worker of pytest-xdist whose tests are done drives what other workers still wait for."""
+"""Lets a pytest-xdist worker whose tests are done drive the episodes that other workers still wait for."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _BUSY = "busy"
 
 
 class IdleWorkerPlugin:
-    """Lets one worker help others. `folder` is the run's; `name` is what the worker is called.
+    """Lets one worker help others. `folder` is the folder of the run, `name` the name of the worker.
 
-    It drives only what other workers have asked for and not yet decided without, each in the order in which its test
-    reads it, and only as many at a time as if the test ran here: a verdict that comes early leaves little behind.
+    The worker drives only episodes that another worker has requested and still needs, in the order in which that
+    worker's test reads them, and no more at a time than the test itself would: an early verdict wastes few episodes.
     """
 
     def __init__(self, folder: Path, name: str, scopes: Scopes, campaign: Campaign) -> None:
@@ -35,7 +35,7 @@ class IdleWorkerPlugin:
         self._scopes = scopes
         self._campaign = campaign
         self._workers: Claims = Claims(folder / _BUSY)
-        self._own = self._workers.attempt(name)  # the system frees it should this process be killed
+        self._own = self._workers.attempt(name)  # the operating system frees the claim when this process is killed
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtestloop(self, session: pytest.Session) -> Generator[None, Any, Any]:
@@ -48,7 +48,7 @@ class IdleWorkerPlugin:
         return outcome
 
     def pytest_unconfigure(self) -> None:
-        """Free the name where no test ran."""
+        """Release this worker's claim when no test ran."""
         if self._own is not None:
             self._own.release()
 
@@ -71,7 +71,7 @@ class IdleWorkerPlugin:
 
 
 class OpenRequests:
-    """The requests of the workers of a run that are not answered yet, read from their journals."""
+    """The unanswered episode requests of a run's workers, read from the workers' journals."""
 
     def __init__(self, folder: Path, scopes: Scopes) -> None:
         self._journals = JournalReader(folder)
@@ -79,9 +79,9 @@ class OpenRequests:
         self._open: list[tuple[EpisodesNeeded, list[EpisodeRequest]]] = []
 
     def requests(self) -> Iterator[EpisodeRequest]:
-        """Yield the open requests, one test after the other, each as it reads them. Raises `UsageError`."""
+        """Return the open requests, test by test, in the order in which each test reads them. Raises `UsageError`."""
         for event in self._journals.read():
-            if isinstance(event, EpisodesNeeded):  # clean episodes come alone first, then named by what needs them
+            if isinstance(event, EpisodesNeeded):  # clean twins also came alone before: drop that entry
                 self._open = [(needed, requests) for needed, requests in self._open if needed.keys != event.clean_keys]
                 self._open.append((event, self._in_order(event)))
             elif isinstance(event, (Used, Spared)):

@@ -14,9 +14,9 @@ import pytest
 class InterruptPlugin:
     """Ignores the second Ctrl-C of a run; the third interrupts as ever.
 
-    After the first one the run ends within seconds, because its processes are killed. A second one in the middle of
-    that would end pytest with a traceback of its own, another exit code and no summary. Where SIGINT is ignored (a
-    shell starts background jobs so, and `nohup` with `trap ""`) it stays ignored: nobody can press Ctrl-C there.
+    After the first Ctrl-C the run ends within seconds, because its processes are killed. A second Ctrl-C during that
+    time would end pytest with its own traceback, another exit code and no summary. A SIGINT that is ignored (as in the
+    background jobs of a shell, or under `nohup` with `trap ""`) stays ignored: nobody can press Ctrl-C there.
     """
 
     def __init__(self) -> None:
@@ -24,14 +24,14 @@ class InterruptPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_keyboard_interrupt(self) -> None:
-        """Watch for a second one while pytest stops."""
+        """Ignore the next Ctrl-C while pytest stops."""
         with contextlib.suppress(ValueError):  # signals belong to the main thread
             if self._before is None and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 self._before = signal.signal(signal.SIGINT, self._again)
 
     @pytest.hookimpl(trylast=True)
     def pytest_unconfigure(self) -> None:
-        """Put back the handler of before."""
+        """Restore the earlier SIGINT handler."""
         with contextlib.suppress(ValueError, TypeError):
             if self._before is not None:
                 signal.signal(signal.SIGINT, self._before)

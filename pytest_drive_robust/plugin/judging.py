@@ -47,9 +47,9 @@ from pytest_drive_robust.verdict.smallest_stack import MinimalFailure, minimal_f
 from pytest_drive_robust.verdict.touched import require_touched
 
 ONE_AT_A_TIME = threading.RLock()
-"""Held by whatever asks for episodes: a test may do so from several threads, the campaign answers one at a time."""
+"""The lock for asking the campaign: a test may ask from several threads, the campaign answers one at a time."""
 _UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
-"""What may be raised where a number is asked for."""
+"""Errors that leave a requirement without a number to judge; they become `NotJudgedError`."""
 
 
 class Drive:
@@ -90,11 +90,12 @@ class Drive:
         return self._scope.seeds
 
     def check(self, requirement: Requirement, *, verdict: str | None = None, margin: float | None = None) -> Verdict:
-        """Drive what is missing and judge.
+        """Drive the missing episodes, judge `requirement` and return the verdict.
 
-        Fails the test when the requirement does not hold, and makes it an error when it cannot be judged (an episode
-        broke in the simulator, nothing to compare with). An inconclusive verdict warns, fails or skips, as
-        `--drive-inconclusive` says. After a requirement that is waived the test goes on, and is an xfail at its end.
+        Fails the test when the requirement does not hold. Makes the test an error when the requirement cannot be
+        judged: an episode broke in the simulator, or there is nothing to compare with. An inconclusive verdict warns,
+        fails or skips, as `--drive-inconclusive` says. After a waived requirement fails, the test goes on and is an
+        xfail at its end.
 
         `verdict` (`"auto"`, `"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
@@ -129,11 +130,11 @@ class Drive:
         return self._measure("SR", setting, ">=", 0.5)
 
     def episodes(self, setting: Setting | Perturbation | str, *, broken: bool = False) -> tuple[EpisodeResult, ...]:
-        """Return every episode under `setting`, driven where missing: routes within seeds.
+        """Return every episode under `setting`, seed by seed in route order; missing episodes are driven first.
 
-        One that broke in the simulator tells nothing of the agent, and a setting that touched nothing is clean driving
-        under another name: both make the test an error, as in `check`. With `broken` the first are returned, too, for a
-        test that looks at `outcome` itself.
+        Makes the test an error, as `check` does, when an episode broke in the simulator, which says nothing about the
+        agent, or when the setting touched nothing, which is clean driving under another name. With `broken`, episodes
+        that broke in the simulator are returned, too, for a test that looks at `outcome` itself.
         """
         __tracebackhide__ = True
         with self._errors_of(f"the episodes under {setting}"):
@@ -158,9 +159,9 @@ class Drive:
         Found by bisection over whole ticks or usual steps:
         `assert drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
 
-        `comparison` is `"<="` for metrics of which less is better and else `">="`, unless you say so; of those of a
-        user more is better. Give an object to keep its other severities (`InferenceLatency(ms=0, mode="hold")`),
-        `levels` (mildest first) to say which severities to try.
+        `comparison` defaults to `"<="` for metrics where less is better, and to `">="` for all others, including a
+        user's own metrics. Give an object instead of a class to keep its other severities
+        (`InferenceLatency(ms=0, mode="hold")`). `levels` lists the severities to try, mildest first.
         """
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
@@ -186,9 +187,9 @@ class Drive:
         return bracket
 
     def minimal(self, requirement: Requirement) -> MinimalFailure | None:
-        """Return the smallest part of the requirement's setting that still breaks it, None when nothing is broken.
+        """Return the smallest part of the setting that still breaks the requirement, or None when nothing is broken.
 
-        That is `clean` where the agent breaks it without any failure.
+        Returns `clean` as the part when the agent breaks the requirement without any perturbation.
 
         `failure = drive.minimal(requirement("RD", stack) <= 0.50)`, `assert failure is None, str(failure)`.
 
@@ -210,14 +211,14 @@ class Drive:
         return self._context.campaign.decide(requirement, self._scope, verdict_rule).verdict
 
     def _measure(self, metric: str, setting: Setting | Perturbation | str, comparison: str, limit: float) -> Estimate:
-        """Measure by a requirement whose limit says nothing; the test has its own."""
+        """Return the measured value, by a requirement whose limit is unused: the test compares with its own limit."""
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, self._setting(setting), comparison, limit)
             return Estimate.of(self._context.campaign.measure(requirement, self._scope))
 
     def _setting(self, given: Setting | Perturbation | str) -> Setting:
-        """Return what is driven: the failures as this test reads them, a sentence among them.
+        """Return `given` as a setting with this test's reading; a sentence is parsed first.
 
         Raises `UsageError` for a severity that a tick cannot show: every episode would break by it.
         """
@@ -242,7 +243,7 @@ class Drive:
             raise told from None
 
     def _record(self, judgement: Judgement) -> None:
-        """Note plain finite Python numbers: nothing else travels from a worker and is read from a JUnit file."""
+        """Add the verdict to the test's properties, as finite Python numbers: pytest-xdist and JUnit take no others."""
         verdict = judgement.verdict
         numbers = {
             "drive_value": float(verdict.value),
@@ -259,7 +260,7 @@ class Drive:
         ]
 
     def _fail(self, judgement: Judgement) -> None:
-        """Raise, but for a requirement that is waived: what the test checks after it is not, and must be judged."""
+        """Raise `BrokenRequirementError`; only note the waiver of a waived requirement, so that later checks run."""
         __tracebackhide__ = True
         verdict = judgement.verdict
         waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
@@ -275,7 +276,7 @@ class Drive:
         raise error
 
     def _leave_open(self, judgement: Judgement) -> None:
-        """Fail, skip or note as the options say: it is neither shown to hold nor to be broken."""
+        """Fail, skip or note an inconclusive verdict, as `--drive-inconclusive` says."""
         __tracebackhide__ = True
         mode = self._context.options.inconclusive
         if mode == "fail":
@@ -296,7 +297,7 @@ class Drive:
         return legible(text)
 
     def _reach(self, requirement: Requirement) -> str:
-        """Return how far the agent does get, where a margin was asked for, or why that is not known."""
+        """Return, for a margin requirement, the largest severity that holds, or why it is unknown; else `""`."""
         if not isinstance(requirement, MarginRequirement):
             return ""
         try:
@@ -307,7 +308,7 @@ class Drive:
                     limit=requirement.limit,
                     comparison=requirement.comparison,
                 )
-        except _UNJUDGED as error:  # the verdict stands all the same
+        except _UNJUDGED as error:  # the verdict does not depend on this search
             return f"\n  how far the agent gets is not known: {error}"
         return f"\n  {found}"
 
@@ -315,7 +316,8 @@ class Drive:
 class DriveContext(NamedTuple):
     """What a process needs in order to drive and judge.
 
-    `family` is among how many requirements a fail must stand; 1 without a correction. `waivers` are those of the run.
+    `family` is the number of requirements that the multiple-test correction counts, 1 without a correction. `waivers`
+    are the waivers of the run.
     """
 
     options: RunOptions
@@ -325,9 +327,10 @@ class DriveContext(NamedTuple):
     family: int = 1
 
     def drive_for(self, item: pytest.Item) -> Drive:
-        """Return what judges requirements for the agent, routes, seeds, rule and reading of a test.
+        """Return the `Drive` for the agent, routes, seeds, rule and reading of a test.
 
-        Raises `NotJudgedError` for a marker that cannot be used, which tests that name the fixture are refused for.
+        Raises `NotJudgedError` for a marker that cannot be used. For a test that names the fixture, collection has
+        refused such a marker before.
         """
         try:
             return Drive(self, item)
@@ -336,15 +339,16 @@ class DriveContext(NamedTuple):
 
 
 def marker_options(item: pytest.Item) -> MarkerOptions:
-    """Return what the markers of a test say; a route file starts from the root folder. Raises `UsageError`.
+    """Return the merged markers of a test; a route file's path starts from the root folder. Raises `UsageError`.
 
-    Those of its parameters come first, as no other test has them: pytest has them behind those of the function.
+    Markers of the test's parameters win over markers of its function, because no other test has them. pytest lists the
+    parameters' markers last.
     """
     own = [mark for mark in getattr(getattr(item, "callspec", None), "marks", ()) if mark.name == "drive_robust"]
     marker, config = MarkerOptions.from_marks([*own, *item.iter_markers("drive_robust")]), item.config
     if marker.routes is None:
         return marker
-    # told from where pytest was called, wherever a test has gone since: they are the routes that were planned
+    # relative to the folder where pytest was called: a test may have changed the current folder
     return replace(marker, routes=routes_from_root(marker.routes, config.rootpath, config.invocation_params.dir))
 
 

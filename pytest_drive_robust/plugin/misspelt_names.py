@@ -1,6 +1,7 @@
-"""Misspelt names of ours: ini keys, marks and our hook, which pytest lets pass, and options, which it only refuses.
+"""Refuses misspelt names of ours: ini keys, marks and our hook, which pytest ignores, and options.
 
-What was meant is lost with each: another agent would be judged.
+A misspelt name has no effect, so another agent would be judged. pytest itself refuses an unknown option, but does not
+name the nearest one.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from pytest_drive_robust.options.table import OPTIONS
 _MARK = "drive_robust"
 _HOOK = "pytest_drive_robust_register"
 _CLOSE = 0.8
-"""So alike is a mark that is meant as ours: a suite may have marks such as `robust` of its own."""
+"""Similarity (0..1) from which a mark counts as a misspelling: a suite may have its own marks, such as `robust`."""
 
 
 def refuse_unknown_options(parser: pytest.Parser, args: Sequence[str]) -> None:
-    """Raise `UsageError` for an option that begins as ours do and that nobody added."""
+    """Raise `UsageError` for an option that begins with `--drive` and that no plugin added."""
     _, unknown = parser.parse_known_and_unknown_args(args)
     for word in unknown:
         flag = word.partition("=")[0]
@@ -29,7 +30,7 @@ def refuse_unknown_options(parser: pytest.Parser, args: Sequence[str]) -> None:
 
 
 def refuse_unknown_keys(config: pytest.Config) -> None:
-    """Raise `UsageError` for a key of the ini file that begins as ours do and that no plugin registered."""
+    """Raise `UsageError` for an ini key that begins with `drive_` or `drive-` and that no plugin registered."""
     ours = {option.name: option for option in OPTIONS.values()}
     keys = [name for name, option in ours.items() if not option.is_switch]
     for key in _given_keys(config):
@@ -45,7 +46,7 @@ def refuse_unknown_keys(config: pytest.Config) -> None:
 
 
 def refuse_unknown_marks(item: pytest.Item) -> None:
-    """Raise `UsageError` for a mark that is almost called as ours and that nobody registered."""
+    """Raise `UsageError` for an unregistered mark whose name is almost `drive_robust`."""
     for mark in item.iter_markers():
         if mark.name != _MARK and get_close_matches(mark.name, [_MARK], cutoff=_CLOSE):
             registered = {line.partition(":")[0].partition("(")[0].strip() for line in item.config.getini("markers")}
@@ -57,9 +58,9 @@ def refuse_unknown_marks(item: pytest.Item) -> None:
 
 
 def refuse_unknown_hooks(plugin: object) -> None:
-    """Raise `UsageError` for an optional hook of a plugin that is almost called as ours.
+    """Raise `UsageError` for an optional hook of a plugin whose name is almost that of our hook.
 
-    It is called by nobody, and pluggy refuses unknown hooks only where they are not optional.
+    Nobody calls such a hook, and pluggy refuses an unknown hook only when the hook is not optional.
     """
     for name, value in vars(plugin).items():
         is_optional = getattr(value, "pytest_impl", {}).get("optionalhook", False)
@@ -69,7 +70,7 @@ def refuse_unknown_hooks(plugin: object) -> None:
 
 
 def _given_keys(config: pytest.Config) -> Iterable[str]:
-    """Return the keys of the ini file and of `-o`. pytest 9.1 and later warn of `inicfg`, earlier ones have it only."""
+    """Yield the keys of the ini file and of `-o`. pytest 9.1 deprecates `inicfg`; earlier versions lack `_inicfg`."""
     in_file = getattr(config, "_inicfg", None)
     yield from getattr(config, "inicfg", ()) if in_file is None else in_file
     for override in config.getoption("override_ini") or ():

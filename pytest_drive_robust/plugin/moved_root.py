@@ -1,7 +1,7 @@
-"""The root folder and the ini file of pytest, where it took the value of an option for a place of tests.
+"""Refuses a run in which pytest took the value of an option for a test path and chose another root folder or ini file.
 
-pytest looks for both before it knows the options of plugins: of `--drive-store ../store` it takes `../store`, once that
-is there, for a folder of tests, and may then pass over the ini file, which names the agent.
+pytest chooses both before the options of plugins are known. In `--drive-store ../store`, when `../store` exists, pytest
+takes `../store` for a folder of tests and may then miss the ini file, which names the agent.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ _RUNS = ("--drive-save", "--drive-compare")
 
 
 def refuse_moved_root(config: pytest.Config) -> None:
-    """Raise `UsageError` where pytest reads another ini file than the places of tests have.
+    """Raise `UsageError` when pytest reads another ini file than the test paths alone would give.
 
-    Raise it, too, where the root folder is another one, and episodes or runs are kept there.
+    Raises `UsageError` as well for another root folder, when episodes or runs are kept there.
     """
     taken = _taken(config)
     if not taken:
@@ -47,7 +47,7 @@ def _stores_in_root(config: pytest.Config) -> bool:
 
 
 def _taken(config: pytest.Config) -> list[str]:
-    """Return what is there by the words of the command line that are no places of tests."""
+    """Return the words of the command line that are existing paths but no test paths."""
     here, option = config.invocation_params.dir, config.option
     words = [*shlex.split(os.environ.get("PYTEST_ADDOPTS", "")), *map(str, config.invocation_params.args)]
     known = (*option.file_or_dir, option.rootdir, option.inifilename)
@@ -55,7 +55,7 @@ def _taken(config: pytest.Config) -> list[str]:
 
 
 def _meant(config: pytest.Config) -> tuple[Path, Path | None]:
-    """Return the root folder and the ini file that pytest finds for the places of tests alone."""
+    """Return the root folder and the ini file that pytest finds for the test paths alone."""
     here, option = config.invocation_params.dir, config.option
     asked = {
         "inifile": option.inifilename and str(here / option.inifilename),

@@ -20,7 +20,7 @@ from pytest_drive_robust.store.base import EpisodeStore
 
 
 def check_plan_alone(config: pytest.Config) -> None:
-    """Raise `UsageError` where workers collect, so that this process knows no test."""
+    """Raise `UsageError` under `pytest -n`: workers collect the tests, so this process knows none."""
     if is_controller(config):
         raise UsageError("--drive-plan looks at the tests in one process: leave -n out, or add -n0.")
 
@@ -29,8 +29,8 @@ def check_plan_alone(config: pytest.Config) -> None:
 class PlanPlugin:
     """Shows the plan in place of running tests.
 
-    `requests` are the episodes of the selected tests by key, `verdict_plans` what their verdicts read; their collection
-    fills both. `executor` is the one that a run would drive with.
+    `requests` holds the episodes of the selected tests by key, `verdict_plans` the episodes that each verdict reads;
+    `CollectionPlugin` fills both. `executor` is the executor that a run would use.
     """
 
     config: pytest.Config
@@ -65,13 +65,13 @@ class PlanPlugin:
         return True
 
     def _take_finished(self) -> None:
-        """Put what the executor keeps itself into the store of this run. Raises `UsageError`."""
+        """Copy the finished episodes that the executor keeps itself into the run's store. Raises `UsageError`."""
         for key, request in self.requests.items():
             if (result := self.executor.finished(request)) is not None:
                 self.store.put(key, result)
 
     def _needed(self) -> tuple[set[str], set[str]]:
-        """Return the keys of the episodes that the verdicts probably take, and that they take at most."""
+        """Return two sets of episode keys: those that the verdicts probably read, and those that they may read."""
         likely: set[str] = set()
         possible: set[str] = set()
         for plan in self.verdict_plans:

@@ -1,4 +1,4 @@
-"""`--drive-probe`: before the tests run, one clean episode is driven twice, and the run says whether that repeats."""
+"""`--drive-probe`: drives one clean episode twice before the tests run, and reports whether both are the same bits."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pytest_drive_robust.simulators.routes import resolve_routes
 
 
 class ProbePlugin:
-    """Probes in the one process that people look at, when `--drive-probe` was given."""
+    """Probes when `--drive-probe` was given, in the controller of pytest-xdist or in the only process."""
 
     def __init__(self, config: pytest.Config, options: RunOptions, outputs: RunOutputs) -> None:
         self._config = config
@@ -36,7 +36,7 @@ class ProbePlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
-        """Drive, tell at once, and keep it for the reports. Where no test runs, nothing is driven."""
+        """Drive the probe, print its sentence at once, and keep it for the reports. Drive nothing when no test runs."""
         if not runs_tests(self._config):
             return
         sentence = self._sentence()
@@ -58,7 +58,7 @@ class ProbePlugin:
 
 
 def drives_compared(first: EpisodeResult, second: EpisodeResult) -> str:
-    """Return what two drives of one clean episode show, as a sentence."""
+    """Return a sentence that compares two drives of one clean episode."""
     episode = first.episode
     twice = f"probe: {episode.agent} drove route {episode.route_id} clean twice with seed {episode.seed}"
     for broken in (first, second):
@@ -79,7 +79,7 @@ def drives_compared(first: EpisodeResult, second: EpisodeResult) -> str:
 def drive_twice(
     request: EpisodeRequest, registry: Registry, simulator: Simulator
 ) -> tuple[EpisodeResult, EpisodeResult]:
-    """Drive an episode twice on one simulator as a run does, with an agent object for each; close the simulator.
+    """Drive an episode twice on one simulator, each time with a new agent object; close the simulator.
 
     Raises `UsageError` when the agent cannot be made.
     """

@@ -1,4 +1,4 @@
-"""What this process is to pytest-xdist (a worker, the controller, neither), and what both hand to each other."""
+"""The role of this process in pytest-xdist (worker, controller or neither), and the data that both exchange."""
 
 from __future__ import annotations
 
@@ -31,5 +31,5 @@ def worker_output(config: pytest.Config) -> dict[str, Any]:
 
 
 def output_of(node: Any) -> dict[str, Any]:
-    """Return what a worker that ended handed over; nothing of one that crashed. `node` is the controller's view."""
+    """Return the output of an ended worker; empty for a crashed one. `node` is the controller's view of the worker."""
     return getattr(node, "workeroutput", None) or {}

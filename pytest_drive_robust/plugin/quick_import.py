@@ -1,4 +1,4 @@
-"""Import our own modules without what pytest and the garbage collector would do meanwhile."""
+"""Imports our own modules quickly, without assertion rewriting and garbage collection."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from _pytest.assertion.rewrite import AssertionRewritingHook
 
 @contextmanager
 def quick_import() -> Iterator[None]:
-    """Import modules without rewriting their asserts, which are no tests, and without looking for garbage.
+    """Switch off assertion rewriting and garbage collection for the imports in the body.
 
-    pytest rewrites the asserts of every module of an installed plugin: that takes longer than all other imports in the
-    first session after the installation, and a tenth of them later.
+    pytest rewrites the asserts of every module of an installed plugin, although ours are no tests. In the first session
+    after the installation the rewriting takes longer than all other imports, and a tenth of their time later.
     """
     finders, collects = list(sys.meta_path), gc.isenabled()
     sys.meta_path[:] = [finder for finder in finders if not isinstance(finder, AssertionRewritingHook)]

@@ -1,4 +1,4 @@
-"""After a run: store it, compare it with another, and review its waivers."""
+"""Stores a finished run, compares it with another run, and reviews its waivers."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from pytest_drive_robust.store.events import Judged
 
 
 class RegressionChecks:
-    """Checks a finished run. Made before anything is driven, so that a reference that is not there costs nothing.
+    """Checks a finished run. Built before driving, so that a missing reference run costs no episode.
 
-    Raises `UsageError` for such a reference, and for one of another simulator unless that is allowed. `comparison` is
-    what comparing found; None before, and where nothing was compared.
+    Raises `UsageError` for a missing reference run, and for one of another simulator unless the options allow that.
+    `comparison` is None until `finish` has compared the run, and stays None when there is no reference.
     """
 
     def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
         self._regression = regression
         self._waivers = waivers
         self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
-        self._here = Path.cwd()  # wherever a test goes
+        self._here = Path.cwd()  # a test may change the current folder
         self._references = References(regression.home, regression.baselines)
         open_fails = options.inconclusive == "fail"
         self._terms = Terms(regression.allowances, options.verdict_rule.kind, regression.policy, open_fails)
         self._before = self._load(options.simulator) if regression.compare else None
-        # the pages show its replays, too; None for a baseline, which holds scores only
+        # the report's pages also show replays of the reference; a baseline holds scores only, so this is None
         wanted = self._before is not None and options.report_path is not None
         self.document_before = self._references.document(regression.compare) if wanted else None
         self.comparison: Comparison | None = None
         self._lines: list[str] = []
 
     def check_plan(self, requests: Iterable[EpisodeRequest], *, scopes: Scopes, whole: bool) -> None:
-        """Raise `UsageError` where the comparison would be refused, as far as the plan tells (`whole`: all of it)."""
+        """Raise `UsageError` when the plan shows that the comparison will be refused. `whole`: the plan is complete."""
         if self._before is not None:
             from pytest_drive_robust.regression.planned_run import check_planned_run
 
@@ -58,11 +58,14 @@ class RegressionChecks:
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
     def finish(self, run: RunResult, *, whole: bool) -> bool:
-        """Store, compare, review. True when the run must not be green. `whole`: every test was selected and ran."""
+        """Review the waivers, compare and store the run; return True when the run must not be green.
+
+        `whole` says that every test was selected and ran.
+        """
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._terms.open_fails)
         if not run.episodes:
-            return False  # the owner of the run says so
-        red = any(not self._waived(judged) for judged in run.late)  # their tests were over before they failed
+            return False  # `RunOutputs` reports a run without episodes
+        red = any(not self._waived(judged) for judged in run.late)  # failed after their tests had ended
         if not self._regression.save and self._before is None:
             return red
         document = run_as_json(run)
@@ -72,7 +75,7 @@ class RegressionChecks:
         return red or worse
 
     def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
-        """Return (title, text) of what there is to tell."""
+        """Return (title, text) of each section for the terminal: the comparison, then stored runs and waivers."""
         told = []
         if self.comparison is not None:
             title = f"drive-robust: compared with {self.comparison.before.label}"
@@ -94,7 +97,7 @@ class RegressionChecks:
         return before
 
     def _store(self, document: dict[str, object], *, complete: bool, worse: bool) -> bool:
-        """Store the run; `worse`: the comparison was red. True when it was not stored."""
+        """Store the run; return True when the run could not be stored. `worse` says that the comparison was red."""
         name = self._regression.save
         if not complete and self._holds_complete(name):
             self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
@@ -121,8 +124,8 @@ class RegressionChecks:
     def _bless(self, name: str) -> str:
         """Return the command that accepts a stored run.
 
-        It goes to the root folder where commands do not find its runs from here, and names the baselines that are
-        compared with, as commands do not read the ini file.
+        The command changes to the root folder when `drive-robust` would not find the stored runs from here. The command
+        names the folder of baselines when it is not the default, because `drive-robust` does not read the ini file.
         """
         home, baselines = self._regression.home, self._regression.baselines
         found = project_home(self._here).resolve() == home.resolve()
@@ -134,7 +137,7 @@ class RegressionChecks:
             return False
         try:
             return self._references.stored(name).is_complete
-        except UsageError:  # damaged, or of another version: nothing is lost
+        except UsageError:  # damaged, or of another version: overwriting loses nothing
             return False
 
     def _compare(self, before: Snapshot, document: dict[str, object]) -> bool:
@@ -149,5 +152,5 @@ class RegressionChecks:
 def _is_complete(document: Mapping[str, object]) -> bool:
     try:
         return snapshot_of(document, label="this run").is_complete
-    except UsageError:  # two routes of one id: whoever compares says so
+    except UsageError:  # two routes share an id: the comparison reports that
         return True

@@ -1,4 +1,4 @@
-"""In the one process that people look at: the header, the table, the exit code."""
+"""Reports a run in the controller of pytest-xdist, or in the only process: the header, the table, the exit code."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are n
 _BROKE = "{} broke before it asked for a verdict{}: what it would have judged is not in this report"
 _MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
-_NARROWING = ("ignore", "ignore_glob", "lf")  # what leaves files out, of which `pytest_deselected` hears nothing
+_NARROWING = ("ignore", "ignore_glob", "lf")  # these leave out whole files, without a call of `pytest_deselected`
 
 
 class ReportingPlugin:
@@ -50,7 +50,7 @@ class ReportingPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
-        """Note that tests are about to run; --fixtures, --markers and the like never come here."""
+        """Note whether tests run; pytest does not call this hook with --fixtures, --markers and the like."""
         self._ran = runs_tests(self._config)
 
     def pytest_deselected(self) -> None:
@@ -59,7 +59,7 @@ class ReportingPlugin:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_testnodedown(self, node: Any, error: object) -> None:
-        """Note that tests were left out in a worker that ended, or that it crashed (a hook of pytest-xdist)."""
+        """Note whether an ended worker deselected tests or crashed (a hook of pytest-xdist)."""
         self._deselected |= output_of(node).get(DESELECTED, False)
         self._lost_worker |= bool(error)
 
@@ -68,14 +68,14 @@ class ReportingPlugin:
         self._ended.add(nodeid)
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
-        """Note a place of tests that cannot be collected: with --continue-on-collection-errors the others run."""
+        """Note a file whose collection failed: with --continue-on-collection-errors the other files run."""
         if report.failed:
             self._unasked[report.nodeid] = None
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note a test that passed although it was told by an error: a thread kept that, or an `except`.
+        """Note a test that passed although `drive` raised in it: a thread or an `except` swallowed the error.
 
-        So too one that broke before it asked for anything.
+        Notes as well a test that broke before it asked `drive` for anything.
         """
         if report.failed and getattr(report, BROKE_UNASKED, False):
             self._unasked[report.nodeid] = None
@@ -86,8 +86,8 @@ class ReportingPlugin:
     def pytest_report_teststatus(
         self, report: pytest.TestReport
     ) -> tuple[str, str, str | tuple[str, dict[str, bool]]] | None:
-        """Count what could not be judged as an error of the test; an open verdict is neither dot nor F."""
-        if report.failed and getattr(report, NOT_JUDGED, False):  # a plugin that runs it again calls it otherwise
+        """Show a test that could not be judged as an error, and a test with an inconclusive verdict as `~`."""
+        if report.failed and getattr(report, NOT_JUDGED, False):  # a plugin that reruns the test sets another outcome
             return "error", "E", "ERROR"
         if report.when == "call" and report.passed and is_open(report):
             return "inconclusive", "~", ("INCONCLUSIVE", {"yellow": True})
@@ -98,12 +98,12 @@ class ReportingPlugin:
         self._interrupted = True
 
     def pytest_internalerror(self) -> None:
-        """Note that pytest itself broke; of that in a worker, pytest-xdist may lose a test and end with 0."""
+        """Note that pytest itself broke: after that in a worker, pytest-xdist may lose a test and exit with 0."""
         self._broke = True
 
     @pytest.hookimpl(trylast=True)
     def pytest_sessionfinish(self, session: pytest.Session) -> None:
-        """Write every report. A run that drove no episode, or whose file was not written, is not green."""
+        """Write every report; fail a run that drove no episode or that could not write a file."""
         if self._ran and not problems_of(self._config):
             early = self._why_early(session)
             if early:
@@ -124,13 +124,13 @@ class ReportingPlugin:
             session.exitstatus = pytest.ExitCode.INTERNAL_ERROR
 
     def _advice(self, session: pytest.Session) -> str:
-        """Return what to do where nothing was driven."""
+        """Return the advice for a run that drove nothing."""
         if session.testscollected or self._deselected:
             return SELECT_TESTS
         return MEND_TESTS if session.testsfailed else WRITE_TESTS
 
     def _why_early(self, session: pytest.Session) -> str:
-        """Return in what way the run ended before all its tests had, as by `-x`, Ctrl-C or a crash; else nothing."""
+        """Return how the run ended before all its tests did, such as by `-x`, Ctrl-C or a crash; else `""`."""
         if len(self._ended) >= session.testscollected:
             return ""
         if self._interrupted:
@@ -159,7 +159,7 @@ def runs_tests(config: pytest.Config) -> bool:
 def every_test_ran(session: pytest.Session) -> bool:
     """Return True when the tests of the whole root folder, its `suites` or `robustness`, were selected and all ran.
 
-    Only then does a requirement that was not judged say something.
+    Only a run of every test can report a requirement that was not judged.
     """
     config = session.config
     narrowed = any(config.getoption(name, None) for name in _NARROWING)
@@ -181,14 +181,14 @@ def header(options: RunOptions) -> str:
 
 
 def _routes_in_words(options: RunOptions) -> str:
-    """Return how many routes are driven, and what they are called."""
+    """Return the number of routes and their spec; only the spec when the number is not known here."""
     if options.is_external:
         return options.routes if options.routes_given else f"all of {options.simulator}"
     if options.simulator == DEFAULT_SIMULATOR:
         return f"{len(resolve_routes(options.routes))} ({options.routes})"
     try:
         simulator = default_registry().simulator(options.simulator)
-    except UsageError:  # the collection says what is wrong, or a conftest.py deeper down knows the name
+    except UsageError:  # collection reports the error, unless a conftest.py below registers the name
         return options.routes
     spec = default_spec(options.routes, simulator, given=options.routes_given)
     return f"{len(routes_of(spec, simulator))} ({spec})"

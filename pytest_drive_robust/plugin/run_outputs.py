@@ -1,4 +1,4 @@
-"""What comes of a run: one result, built from the record of what happened, and every report that is made of it."""
+"""Builds the one result of a run from the recorded events, and writes every report from that result."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MEND_TESTS = "Its tests could not be collected: see the errors above."
 T = TypeVar("T")
 
 _LIBRARIES = ("numpy", "numba", "opencv-python-headless", "highway-env", "pytest")
-"""What a run tells the versions of, whether or not they could change a bit of it."""
+"""Distributions whose versions every run records, whether or not they could change its bits."""
 
 
 class LocalRunRecord:
@@ -45,11 +45,11 @@ class LocalRunRecord:
         self._events: list[Event] = []
 
     def events(self) -> list[Event]:
-        """Return everything so far."""
+        """Return all events so far."""
         return self._events
 
     def __call__(self, event: Event) -> None:
-        """Note that something happened (see `runner.scheduler.Observer`)."""
+        """Record an event and show it (see `runner.scheduler.Observer`)."""
         self._events.append(event)
         self._progress.see(event)
 
@@ -63,7 +63,7 @@ class LocalRunRecord:
 
 
 class RunOutputs:
-    """Builds the one `RunResult` and what is made of it. A report that breaks is named and spoils no other."""
+    """Builds the one `RunResult` and its reports. A report that breaks is named and does not stop the others."""
 
     def __init__(
         self,
@@ -80,14 +80,14 @@ class RunOutputs:
         self._notes: list[str] = []
 
     def note(self, sentence: str) -> None:
-        """Keep what every report shall say."""
+        """Keep a sentence for every report."""
         self._notes.append(sentence)
 
     def finish(self, *, whole: bool = False, ended_early: bool = False, advice: str = SELECT_TESTS) -> bool:
-        """Build the result and write the files. True when the run must not be green for a reason of its own.
+        """Build the result and write the files; return True when the run must not be green although its tests passed.
 
-        `whole` says that every test was selected and ran, `ended_early` that tests were left or broke, `advice` what
-        to do where no episode was driven.
+        `whole` says that every test was selected and ran, `ended_early` that tests did not run or broke. `advice` is
+        shown when no episode was driven.
         """
         run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
@@ -103,7 +103,7 @@ class RunOutputs:
         self._write(self._options.json_path, partial(write_json, comparison=compared), run)
         self._write(self._options.csv_path, write_csv, run)
         self._attempt("the step summary was not written", lambda: append_step_summary(run, os.environ, compared))
-        self._write(self._options.report_path, self._write_pages, run)  # it shows the comparison
+        self._write(self._options.report_path, self._write_pages, run)  # after the comparison, which the pages show
         return bool(red or self._problems)
 
     def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
@@ -111,7 +111,7 @@ class RunOutputs:
             self._attempt(f"{os.fspath(path)} was not written", lambda: write(path, run))
 
     def _attempt(self, problem: str, act: Callable[[], T]) -> T | None:
-        """Return what `act` returns; note the problem where it raises."""
+        """Return the result of `act`; when `act` raises, note `problem` and return None."""
         try:
             return act()
         except Exception as error:
@@ -132,14 +132,14 @@ class RunOutputs:
         self._page = write_pages(folder, records, comparison=checks.comparison, before=before)
 
     def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
-        """Return (title, text) of what comes after the table."""
+        """Return (title, text) of each terminal section after the table."""
         try:
             return self._checks.sections(colour=colour, width=width)
         except Exception as error:
             return [("drive-robust", f"the comparison could not be drawn: {_reason(error)}")]
 
     def text(self, *, colour: bool, width: int) -> str:
-        """Return the table and what is wrong with the run; empty when there is nothing to say."""
+        """Return the table and the problems of the run; `""` when there is neither."""
         parts = []
         if self._run is not None:
             try:

@@ -1,4 +1,4 @@
-"""The terminal behind pytest's capturing, and the progress display that fits it."""
+"""Writes to the terminal past pytest's capturing, and chooses the progress display for that terminal."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def uncaptured_screen(reporter: Any, capture: Any, writer: Any) -> Iterator[Text
     """
     with capture.global_and_fixture_disabled() if capture is not None else nullcontext():
         reporter.ensure_newline()
-        if writer.width_of_current_line:  # xdist's dots: the reporter does not count them as a line begun
+        if writer.width_of_current_line:  # the reporter does not count xdist's dots as an open line
             writer.line()
         yield sys.stdout
         sys.stdout.flush()
@@ -34,7 +34,7 @@ def uncaptured_screen(reporter: Any, capture: Any, writer: Any) -> Iterator[Text
 def progress_for(config: pytest.Config) -> Progress:
     """Return the display that fits: live on a terminal, plain lines elsewhere, none with `-q` or `-p no:terminal`.
 
-    A dumb terminal cannot take a line back.
+    A dumb terminal gets plain lines, because it cannot redraw a line.
     """
     reporter = config.pluginmanager.get_plugin("terminalreporter")
     if reporter is None or config.getoption("verbose") < 0:
@@ -46,5 +46,5 @@ def progress_for(config: pytest.Config) -> Progress:
 
 
 def is_terminal(reporter: Any) -> bool:
-    """Return False where it does not say: another plugin may have put its own reporter in the place of pytest's."""
+    """Return whether `reporter` writes to a terminal; False when another plugin's reporter has no `isatty`."""
     return bool(getattr(reporter, "isatty", False))

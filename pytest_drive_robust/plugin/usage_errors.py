@@ -1,4 +1,4 @@
-"""Usage errors of a session: found while names are registered and tests are collected, shown together, exit code 4."""
+"""Collects the usage errors of a session, from registration and collection, and shows them together: exit code 4."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _OUTPUT = "drive_robust_problems"
 
 
 def problems_of(config: pytest.Config) -> dict[str, str]:
-    """Return the problems found so far in the order found: what is wrong, and where first; "" for the run itself."""
+    """Return the problems so far, in order: each message with its first place, `""` when the run itself is wrong."""
     return config.stash.setdefault(_PROBLEMS, {})
 
 
 def note_problem(config: pytest.Config, where: str, attempt: Callable[[], object]) -> None:
-    """Call `attempt`; a usage error in it becomes one of the session's problems."""
+    """Call `attempt`; add a `UsageError` that it raises to the session's problems, with its place `where`."""
     try:
         attempt()
     except UsageError as error:
@@ -30,7 +30,7 @@ def note_problem(config: pytest.Config, where: str, attempt: Callable[[], object
 
 
 def refuse_problems(session: pytest.Session) -> None:
-    """Raise pytest's usage error for the session's problems. A worker runs nothing: its controller reports them."""
+    """Raise pytest's usage error for the session's problems. In a worker, drop all tests: the controller reports."""
     problems = problems_of(session.config)
     if problems and is_worker(session.config):
         session.items.clear()
@@ -39,7 +39,7 @@ def refuse_problems(session: pytest.Session) -> None:
 
 
 def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
-    """Return our usage error behind a failed collection, also when a conftest.py raised it."""
+    """Return the `UsageError` that made a collection fail, also one raised by a conftest.py; None for other reasons."""
     call = report.__dict__.get("call")
     error = call.excinfo.value if call is not None and call.excinfo is not None else None
     error = getattr(error, "cause", error)
@@ -47,9 +47,9 @@ def usage_error_in(report: pytest.CollectReport) -> UsageError | None:
 
 
 def told_of_hook(error: Exception) -> Exception:
-    """Return a usage error with the place where our hook raised `error`; an error from elsewhere is returned as it is.
+    """Return a usage error with the line where our hook raised `error`; return an error from elsewhere unchanged.
 
-    A conftest.py that is loaded while tests are collected needs none: pytest shows its line.
+    An error in a conftest.py that is loaded during collection needs no line from us: pytest shows it.
     """
     frames = traceback.extract_tb(error.__traceback__)
     file = next((frame.filename for frame in frames if frame.name == _HOOK), None)
@@ -61,7 +61,7 @@ def told_of_hook(error: Exception) -> Exception:
 
 
 def raise_as_pytests(error: Exception) -> None:
-    """Raise pytest's usage error in place of ours, for exit code 4 without a traceback; return for any other error."""
+    """Raise pytest's usage error for a `UsageError`: exit code 4 without a traceback. Return for any other error."""
     if isinstance(error, UsageError):
         raise pytest.UsageError(str(error)) from None
 
@@ -73,7 +73,7 @@ class ProblemCourier:
         self._problems = problems
 
     def pytest_testnodedown(self, node: Any) -> None:
-        """Take the problems of a worker that ended (a hook of pytest-xdist). One that crashed brings none."""
+        """Take the problems of an ended worker (a hook of pytest-xdist). A crashed worker brings none."""
         for problem, place in output_of(node).get(_OUTPUT, {}).items():
             self._problems.setdefault(problem, place)
 
@@ -86,7 +86,7 @@ class ProblemCourier:
             session.exitstatus = pytest.ExitCode.USAGE_ERROR
 
     def pytest_terminal_summary(self, terminalreporter: pytest.TerminalReporter) -> None:
-        """Say what pytest itself would have said without workers."""
+        """Write the problems on the controller, as pytest would without workers."""
         if is_controller(terminalreporter.config):
             for sentence in _sentences(self._problems):
                 terminalreporter.write_line(f"ERROR: {sentence}", red=True)

@@ -1,4 +1,4 @@
-"""How a test ends on a verdict that is no pass: broken, not judged, or left open."""
+"""Errors and stash keys for a test whose verdict is no pass: broken, not judged, or inconclusive."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.verdict.evaluate import Verdict
 
 INCONCLUSIVE = "drive_inconclusive"
-"""The property of a test whose verdict is open, with its first line."""
+"""The property of a test with an inconclusive verdict; the value is the verdict's first line."""
 
 
 class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
@@ -20,9 +20,9 @@ class BrokenRequirementError(pytest.fail.Exception):  # type: ignore[name-define
 
 
 class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
-    """There is no number to judge. Shown as an error of the test, not as a failure of the agent.
+    """The test has no number to judge. Shown as an error of the test, not as a failure of the agent.
 
-    `what` was to be judged; `why` says what went wrong and what to do.
+    `what` is the requirement or number that was asked for; `why` says what went wrong and what to do.
     """
 
     def __init__(self, what: object, why: object) -> None:
@@ -31,15 +31,15 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
 
 
 NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
-"""In `item.stash`: why the test could not be judged when it asked last, None where it could."""
+"""In `item.stash`: the latest reason why the test could not be judged, or None."""
 RAISED = pytest.StashKey[list[BaseException]]()
 """In `item.stash`: the errors that we raised in the test and that no report has shown yet."""
 UNHEEDED = "drive_unheeded"
 """The property of the report on a test that passed although we raised an error in it: the first line of the error."""
 WAIVED = pytest.StashKey[list[str]]()
-"""In `item.stash`: the waivers of what the test found broken since the last report on it, signed."""
+"""In `item.stash`: the signatures of the waivers that the test used since its last report."""
 
 
 def is_open(report: pytest.TestReport) -> bool:
-    """Return True for the report of a test that left a verdict open; the report of a subtest does not say so."""
+    """Return True for the report of a test with an inconclusive verdict; False for the report of a subtest."""
     return not hasattr(report, "context") and any(name == INCONCLUSIVE for name, _ in report.user_properties)

@@ -1,4 +1,4 @@
-"""Waivers in pytest: a waived requirement that fails is an xfail until its date, and red with a word about it after."""
+"""Applies waivers: a waived requirement that fails is an xfail until the waiver's date, and a named failure later."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ class WaivingPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
-        """Forget what an attempt before this one noted: a plugin that runs failed tests again keeps the item."""
+        """Forget the waivers of an earlier attempt: a plugin that runs failed tests again keeps the item."""
         item.stash[WAIVED] = []
 
     @pytest.hookimpl(specname="pytest_runtest_makereport")
     def pytest_name_expired_waiver(self, item: pytest.Item, call: pytest.CallInfo[None]) -> None:
-        """Name a waiver that has expired, before pytest writes down what a test, or a TestCase, raised."""
+        """Add an expired waiver to the error of a test or a TestCase, before pytest makes the report."""
         error = call.excinfo.value if call.excinfo is not None else None
         if not isinstance(error, BrokenRequirementError):
             return
         verdict = error.verdict
         waiver = self._waivers.find(str(verdict.requirement), item.nodeid, agent=verdict.agent)
-        if waiver is not None:  # one that holds is not raised
+        if waiver is not None:  # expired: a failure under a waiver that holds is not raised
             error.msg = f"{error.msg}\n  the waiver has expired: {waiver.signature}"
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
         self, item: pytest.Item, call: pytest.CallInfo[None]
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-        """Turn a test, or a subtest, in which nothing but what is waived was broken into an xfail.
+        """Turn a test or subtest that broke only waived requirements into an xfail.
 
-        That travels from workers. Who expects the test to fail is answered, too.
+        pytest-xdist sends the xfail from workers. A test that is marked as an expected failure becomes an xfail, too.
         """
         report = yield
-        if call.when == "setup":  # what a fixture found broken is told of by the test that goes on
+        if call.when == "setup":  # the test's own report takes what a fixture found broken
             return report
         signed: list[str] = item.stash.get(WAIVED, [])
         waived = "; ".join(dict.fromkeys(signed))

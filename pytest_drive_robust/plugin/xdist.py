@@ -1,7 +1,7 @@
-"""pytest-xdist: its hooks and every decision about workers and the controller, but for usage errors.
+"""Implements the hooks of pytest-xdist, and decides what workers and the controller do, except for usage errors.
 
-The controller makes a folder, the workers share episodes and append what happens to journals in it, the controller
-reads. Nothing rests on a worker ending well: what it finished is on disk before it goes on.
+The controller makes a folder. Workers share episodes in that folder and append events to their journals there; the
+controller reads the journals. A worker may crash at any time: its finished episodes are on disk before it goes on.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from pytest_drive_robust.store.journal import JournalReader, JournalWriter
 from pytest_drive_robust.store.opening import open_store
 
 STOP = "stop"
-"""The file that tells workers without tests that the run is ending: all is done, or it was interrupted."""
+"""The file that tells idle workers that the run is ending: finished or interrupted."""
 _INPUT = "drive_robust_folder"
 _POLL_S = 0.2
 
 
 def start_run(config: pytest.Config, options: RunOptions) -> SharedRunRecord:
-    """Make the run's folder and follow what the workers do: the controller's part. The folder goes with the session."""
+    """Make the run's folder in the controller and follow the workers; the folder is removed when the session ends."""
     folder = Path(tempfile.mkdtemp(prefix="drive-robust-"))
     config.add_cleanup(lambda: shutil.rmtree(folder, ignore_errors=True))
     record = SharedRunRecord(folder, open_store(options, config.rootpath, run=folder.name, own=folder / "store"))
@@ -43,7 +43,7 @@ def start_run(config: pytest.Config, options: RunOptions) -> SharedRunRecord:
 def join_run(
     config: pytest.Config, options: RunOptions, drive_here: Callable[[EpisodeStore, WorkerObserver], None]
 ) -> Path:
-    """Drive with the store of the run, tell the controller through the run's folder, return it: a worker's part."""
+    """Drive in a worker with the run's store, write events to the run's folder, and return that folder."""
     given = worker_input(config)
     folder = Path(given[_INPUT])
     observer = WorkerObserver(folder, name=given["workerid"])
@@ -55,7 +55,7 @@ def join_run(
 
 
 class WorkerObserver(JournalWriter):
-    """Writes what happens in a worker to its journal; the controller shows it."""
+    """Writes the events of a worker to its journal, which the controller reads and shows."""
 
     def ticked(self) -> None:
         """Do nothing: the controller cannot see ticks."""
@@ -65,7 +65,7 @@ class WorkerObserver(JournalWriter):
 
 
 class SharedRunRecord:
-    """What the workers of a run did, read from the run's folder."""
+    """The events of a run's workers, read from the run's folder."""
 
     def __init__(self, folder: Path, store: EpisodeStore) -> None:
         self.store = store
@@ -74,7 +74,7 @@ class SharedRunRecord:
         self._lock = threading.Lock()
 
     def events(self) -> list[Event]:
-        """Return everything so far, in order within each worker. The display's thread asks too, hence the lock."""
+        """Return all events so far, in order within each worker. The progress display calls from its own thread."""
         with self._lock:
             self._events += self._reader.read()
         return self._events
@@ -103,7 +103,7 @@ class ControllerPlugin:
 
     @pytest.hookimpl(optionalhook=True)
     def pytest_xdist_node_collection_finished(self, node: Any) -> None:
-        """Show what a worker advised, once: it knows its tests and has not begun (a hook of pytest-xdist)."""
+        """Show each advice of a worker once, after its collection and before its tests (a hook of pytest-xdist)."""
         reporter = node.config.pluginmanager.get_plugin("terminalreporter")
         with self._writing:
             self._see_news()
@@ -117,19 +117,19 @@ class ControllerPlugin:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtestloop(self) -> None:
-        """Begin to follow."""
+        """Start the thread of the progress display."""
         self._thread.start()
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_logreport(self) -> Generator[None, None, None]:
-        """Take our line away while pytest writes about a test."""
+        """Clear the progress line while pytest writes about a test."""
         with self._writing:
             self._progress.pause()
             yield
 
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_sessionfinish(self) -> Generator[None, None, None]:
-        """Stop following before the summaries are written. Workers without tests stop helping."""
+        """Stop the progress display before the summaries, and stop idle workers from helping."""
         (self._folder / STOP).touch()
         self._stop.set()
         if self._thread.is_alive():
@@ -145,7 +145,7 @@ class ControllerPlugin:
                 self._progress.refresh()
 
     def _see_news(self) -> None:
-        """Follow what the workers wrote. Their advice is kept: the thread, which shows none, may be the first here."""
+        """Show new events. Keep advice for `pytest_xdist_node_collection_finished`: the thread may read first."""
         news = self._record.events()[self._seen :]
         self._seen += len(news)
         for event in news:

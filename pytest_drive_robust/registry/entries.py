@@ -1,4 +1,4 @@
-"""One name in the registry: where it comes from, and how it is loaded when somebody asks for it."""
+"""Entries of the registry: where a name comes from, and how its object is loaded on request."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ _FLAGS = {"true": True, "false": False}
 
 
 class PartialFactory(functools.partial[Any]):
-    """A factory with some of its parameters given. What is not said of it is said of the factory."""
+    """A factory with some of its parameters given. Attributes that this object lacks are read from the factory."""
 
     @classmethod
     def of(cls, factory: Any) -> Any:
-        """Return a `functools.partial` as an object of this class, and anything else as it is."""
+        """Return a `functools.partial` as an object of this class; return any other factory unchanged."""
         if type(factory) is not functools.partial:
             return factory
         made = cls(factory.func, *factory.args, **factory.keywords)
@@ -40,7 +40,7 @@ class PartialFactory(functools.partial[Any]):
 
     @property
     def weights(self) -> Any:
-        """The files and folders that the factory names, and those that its parameters name."""
+        """The files and folders that the factory names in `weights`, and the existing paths among its parameters."""
         said = vars(self)
         named: Any = said["weights"] if "weights" in said else getattr(self.func, "weights", None)
         chosen = [value for value in self._given().values() if _is_there(value)]
@@ -50,7 +50,7 @@ class PartialFactory(functools.partial[Any]):
         return [*several, *chosen]
 
     def check(self) -> None:
-        """Call the factory's own `check`, where it has one, with those of the given parameters that it takes."""
+        """Call the factory's own `check`, if any, with the given parameters that `check` takes."""
         check, given = check_of(self.func), self._given()
         if check is not None:
             known = inspect.signature(check).parameters.values()
@@ -64,7 +64,7 @@ class PartialFactory(functools.partial[Any]):
 
 
 class ConfiguredFactory(PartialFactory):
-    """A factory with options that follow the name of its agent."""
+    """A factory with the options that followed the agent's name."""
 
 
 def _is_there(value: object) -> bool:
@@ -72,7 +72,7 @@ def _is_there(value: object) -> bool:
 
 
 def check_of(factory: object) -> Callable[..., object] | None:
-    """Return the `check` of a factory, which says what is wrong before it makes an agent; no method of its objects."""
+    """Return the factory's `check`, which finds problems before an agent is made; None if only its objects have one."""
     check = getattr(factory, "check", None)
     is_for_objects = isinstance(factory, type) and inspect.isfunction(inspect.getattr_static(factory, "check", None))
     return check if callable(check) and not is_for_objects else None
@@ -81,9 +81,10 @@ def check_of(factory: object) -> Callable[..., object] | None:
 def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
     """Return the factory with the options of a text such as `"mode=ctrl+engine=onnx"`.
 
-    An option is a parameter of the factory that has a default: its values are of the default's type (a number, a word,
-    `true` or `false`), words where the default is None. Raises `UsageError` for an option that is not understood and
-    `UnknownNameError` for one that the agent does not have; both name `agent`.
+    An option is a parameter of the factory with a default. The option's value has the default's type: a number, a word,
+    `true` or `false`; a word when the default is None. Raises `UsageError` for an option that does not parse and
+    `UnknownNameError` for an option that the agent does not have; both name `agent`. Raises `PluginError` when the
+    factory cannot be called.
     """
     if not callable(factory):
         raise PluginError(f"the agent {agent!r} is {factory!r}, expected a class or a function that makes one.")
@@ -107,7 +108,7 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
 
 
 def _value(agent: str, name: str, text: str, default: object) -> object:
-    """Return the value that the text says, of the default's type."""
+    """Return `text` as a value of the default's type. Raises `UsageError` when that is not possible."""
     if default is None or isinstance(default, str):
         return text
     kind: Callable[[str], object] = _FLAGS.__getitem__ if isinstance(default, bool) else type(default)
@@ -121,10 +122,10 @@ def _value(agent: str, name: str, text: str, default: object) -> object:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for people: `"some-agents 1.2"`.
+    """A name of one kind (`"agents"`, ...), not loaded yet. `origin` is for messages: `"some-agents 1.2"`.
 
-    `argument` says what may follow the name after a colon (`"ID"`), and is empty where nothing may. `registered`: by a
-    hook, so that `origin` is a place in somebody's folder and no distribution.
+    `argument` says what may follow the name after a colon (`"ID"`), `""` for nothing. `registered` says that a hook
+    registered the name, so that `origin` is a place in a user's file and no distribution.
     """
 
     kind: str
@@ -137,11 +138,11 @@ class Entry:
 
     @property
     def syntax(self) -> str:
-        """How people write it: `"embedded"`, `"gymnasium:ID"`."""
+        """The name as a user writes it: `"embedded"`, `"gymnasium:ID"`."""
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
     def bound_to(self, argument: str) -> Entry:
-        """Return the entry `name:argument`: to load it is to load this entry and call its object with the argument."""
+        """Return the entry `name:argument`, which loads this entry and calls the loaded object with `argument`."""
 
         def load() -> object:
             target = self.loader()
@@ -157,12 +158,12 @@ class Entry:
         return replace(self, name=f"{self.name}:{text}", loader=lambda: configured(self.name, self.loader(), text))
 
     def load(self) -> object:
-        """Return what is registered under the name. Raises `PluginError` with the origin when importing it fails."""
+        """Return the object behind the name. Raises `PluginError`, which names the origin, when its import fails."""
         try:
             loaded = self.loader()
         except (DriveRobustError, KeyboardInterrupt):
             raise
-        except BaseException as error:  # an import may also call sys.exit() or pytest.skip(), and others go on
+        except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
             raise PluginError(
                 f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin} does not load: "
                 f"{type(error).__name__}: {error}. {self.advice}"
@@ -171,13 +172,13 @@ class Entry:
 
 
 def from_entry_points() -> dict[str, list[Entry]]:
-    """Return by kind what installed distributions declare, unloaded."""
-    installed = metadata.entry_points()  # reads a file of each distribution, however few groups are asked for
+    """Return the entries that installed distributions declare, by kind, without loading them."""
+    installed = metadata.entry_points()  # slow: reads a file of each distribution, for any number of groups
     return {kind: list(_declared(kind, installed.select(group=f"{_GROUP}.{kind}"))) for kind in KINDS}
 
 
 def unknown_groups() -> list[PluginError]:
-    """Return what installed distributions declare in groups that are called almost as ours, which nobody reads."""
+    """Return an error for each entry point in a misspelt group, which nobody reads: `pytest_drive_robust.agent`."""
     known = [f"{_GROUP}.{kind}" for kind in KINDS]
     installed = metadata.entry_points()
     told = []
@@ -203,7 +204,10 @@ def is_reference(name: str) -> bool:
 
 
 def from_reference(kind: str, reference: str) -> Entry:
-    """Return the entry behind `"module.path:Factory"`; the module may lie in the current folder."""
+    """Return the entry for `"module.path:Factory"`; the module may lie in the current folder.
+
+    Raises `UnknownNameError` when the module is given as a file.
+    """
     module, _, attribute = reference.partition(":")
     if module.endswith(".py") or "/" in module or os.sep in module:
         proper = module.removesuffix(".py").replace(os.sep, ".").replace("/", ".").strip(".")
@@ -215,7 +219,7 @@ def from_reference(kind: str, reference: str) -> Entry:
     def load() -> object:
         folder = os.getcwd()
         if folder not in sys.path and "" not in sys.path:
-            # As `python -m` does. It stays, because the agent may import its neighbours later.
+            # As `python -m` does. The folder stays on the path: the agent may import modules beside it later.
             sys.path.insert(0, folder)
         target: object = importlib.import_module(module)
         for part in attribute.split("."):
@@ -231,7 +235,7 @@ def from_reference(kind: str, reference: str) -> Entry:
 
 
 def definition_of(target: object) -> str:
-    """Return where a registered class or function stands: `"conftest.py:MyAgent"`; equal for the same definition."""
+    """Return where a registered class or function is defined, as `"conftest.py:MyAgent"`: equal for one definition."""
     if isinstance(target, functools.partial):
         return definition_of(target.func)
     name = getattr(target, "__qualname__", type(target).__qualname__)

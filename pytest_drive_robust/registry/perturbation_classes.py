@@ -1,4 +1,4 @@
-"""Whether the class of somebody's perturbation can be used: a dataclass, with sentences that nobody else has."""
+"""Checks the class of a user's perturbation: a dataclass whose sentences no other perturbation has."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def checked_class(cls: object, origin: str, name: str) -> type[Perturbation]:
-    """Return the class that is registered under a name. Raises `PluginError` for one that cannot be used."""
+    """Return `cls`, which is registered as `name`. Raises `PluginError` for a class that cannot be used."""
     if not (isinstance(cls, type) and issubclass(cls, Perturbation)):
         brackets = ", without brackets" if isinstance(cls, Perturbation) else ""
         raise PluginError(
@@ -33,14 +33,14 @@ def checked_class(cls: object, origin: str, name: str) -> type[Perturbation]:
         _check_ladder(cls)
     except PerturbationError as error:
         raise PluginError(f"the perturbation {name!r} from {origin} cannot be used: {error}") from None
-    except (AttributeError, OSError, TypeError, ValueError) as error:  # what it says of itself is of another type
+    except (AttributeError, OSError, TypeError, ValueError) as error:  # an attribute of the class has a wrong type
         told = f"{type(error).__name__}: {error}"
         raise PluginError(f"the perturbation {name!r} from {origin} cannot be used: {told}.") from error
     return cls
 
 
 def check_told_apart(one: Entry, cls: type[Perturbation], other: Entry, other_cls: type[Perturbation]) -> None:
-    """Raise `PluginError` for two failures of somebody with one sentence: their names would say which is driven."""
+    """Raise `PluginError` when two users' perturbations share a sentence: only their names would tell them apart."""
     try:
         check_sentences(cls, [other_cls])
     except PerturbationError as error:
@@ -51,7 +51,7 @@ def check_told_apart(one: Entry, cls: type[Perturbation], other: Entry, other_cl
 
 
 def _check_is_dataclass(cls: type[Perturbation]) -> None:
-    """Raise `PerturbationError` for severities that are none, because nobody made a dataclass of their class."""
+    """Raise `PerturbationError` when `cls` has attributes meant as severities, but is no dataclass."""
     if "__dataclass_params__" in vars(cls):
         return
     shown = re.findall(r"{(\w+)", cls.phrase)
@@ -63,7 +63,7 @@ def _check_is_dataclass(cls: type[Perturbation]) -> None:
 
 
 def _check_said_fields(cls: type[Perturbation]) -> None:
-    """Raise `PerturbationError` where a class gives values to severities that it does not have."""
+    """Raise `PerturbationError` when `example`, `variants` or `readings` name a severity that the class lacks."""
     known = [field.name for field in dataclasses.fields(cls) if field.init]
     said = {"example": [cls.example], "variants": cls.variants.values(), "readings": cls.readings.values()}
     for attribute, several in said.items():
@@ -74,7 +74,7 @@ def _check_said_fields(cls: type[Perturbation]) -> None:
 
 
 def _check_ladder(cls: type[Perturbation]) -> None:
-    """Raise `PerturbationError` for a ladder that no search could step through; its values are built by the search."""
+    """Raise `PerturbationError` for a ladder that no search could step through; only a search builds its values."""
     ladder: Any = cls.ladder
     if ladder is None:
         return

@@ -1,4 +1,4 @@
-"""Plugins with the hook `pytest_drive_robust_register`: found in pytest, and called where there is none."""
+"""Plugins with the hook `pytest_drive_robust_register`: found in pytest, and called without pytest."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def naming_plugins(manager: PluginManager) -> list[object]:
 def plugin_source(plugin: object) -> tuple[str, str]:
     """Return the module and the file of a plugin that registers names.
 
-    Raises `UsageError` for a plugin that no other process could import.
+    Raises `UsageError` for a plugin that is no module in a file, because no other process could import that plugin.
     """
     if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
         raise UsageError(
@@ -43,18 +43,19 @@ def plugin_source(plugin: object) -> tuple[str, str]:
 
 
 def plugin_words(manager: PluginManager) -> tuple[str, ...]:
-    """Return what `drive-robust -p` takes for plugins that register names: a module, or the path of a `conftest.py`.
+    """Return the arguments of `drive-robust -p` for plugins that register names: modules, or paths of `conftest.py`.
 
-    The path starts from the current folder where the file lies below it. What is no module in a file is left out.
+    A path is relative for a file below the current folder. A plugin that is no module in a file is left out.
     """
     modules = [plugin for plugin in naming_plugins(manager) if isinstance(plugin, ModuleType) and plugin.__file__]
     return tuple(_word(module.__name__, Path(str(module.__file__)).absolute()) for module in modules)
 
 
 def register_names_of(word: str, registry: Registry) -> None:
-    """Let the plugin `word`, a module or a file, register its names. Raises `UsageError`.
+    """Let the plugin `word`, a module or a file, register its names.
 
-    A file is imported as pytest does it: its folder, or the one that holds its package, comes first on `sys.path`.
+    A file is imported as pytest imports it: its folder, or the folder that holds its package, comes first on
+    `sys.path`. Raises `UsageError` when the import or the hook fails.
     """
     try:
         if word.endswith(".py"):
@@ -88,9 +89,9 @@ def register_names_of(word: str, registry: Registry) -> None:
 
 
 def imported_from(module: str, file: str) -> ModuleType:
-    """Return the module of that name from exactly that file; one that raises is not kept.
+    """Return the module `module`, loaded from exactly `file`. A module that raises is removed from `sys.modules`.
 
-    Two conftest.py files may share a name: the later one gets it.
+    Two conftest.py files may share a name; the later file takes the name in `sys.modules`.
     """
     known = sys.modules.get(module)
     if known is not None and _is_file(known.__file__, file):
@@ -111,7 +112,7 @@ def imported_from(module: str, file: str) -> ModuleType:
 
 
 def call_hook(module: ModuleType, registry: Registry) -> None:
-    """Call the hook of a module that has it; as in pluggy, it need not take every argument."""
+    """Call the hook of a module, if the module has the hook. As in pluggy, a hook may leave out `registry`."""
     hook = getattr(module, _HOOK, None)
     if hook is None:
         return
@@ -127,7 +128,7 @@ def _signature(module: ModuleType) -> str:
 
 
 def _place_in(module: ModuleType, error: BaseException) -> str:
-    """Return the file of the module in brackets, with its last line that led to the error where one did."""
+    """Return `" (file:line)"`, the module's file and its last line in the error's traceback; else `" (file)"`."""
     frames = [frame for frame in traceback.extract_tb(error.__traceback__) if _is_file(module.__file__, frame.filename)]
     return f" ({module.__file__}:{frames[-1].lineno})" if frames else f" ({module.__file__})"
 
@@ -139,7 +140,7 @@ def _word(module: str, file: Path) -> str:
 
 
 def _folder_and_name(file: Path) -> tuple[Path, str]:
-    """Return where and as what to import a file: `a/b/conftest.py` with `b/__init__.py` is `b.conftest` in `a`."""
+    """Return the folder and the module name of a file: `a`, `b.conftest` for `a/b/conftest.py` with `b/__init__.py`."""
     folder, parts = file.parent, [file.stem]
     while (folder / "__init__.py").is_file():
         parts.insert(0, folder.name)
@@ -149,7 +150,7 @@ def _folder_and_name(file: Path) -> tuple[Path, str]:
 
 def _prepend(folder: Path) -> None:
     if str(folder) not in sys.path:
-        sys.path.insert(0, str(folder))  # it stays, because what is registered may import its neighbours later
+        sys.path.insert(0, str(folder))  # stays: a plugin may import modules beside it later
 
 
 def _spec(module: str) -> object:

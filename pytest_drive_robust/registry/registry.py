@@ -1,9 +1,9 @@
 """Agents, perturbations, simulators and metrics by name.
 
-Three ways lead in, all open to everybody:
+A name gets into the registry in three ways:
 
 * an entry point of an installed distribution, in the group `pytest_drive_robust.agents`, `.perturbations`,
-  `.simulators` or `.metrics`; it is listed without being imported, and imported when its name is asked for;
+  `.simulators` or `.metrics`; it is listed without an import, and imported when its name is requested;
 * the hook `pytest_drive_robust_register` in a plugin or a `conftest.py`, which wins over an entry point of that name;
 * for agents and simulators, a reference `module.path:Factory` in place of a name.
 
@@ -46,10 +46,10 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 AgentFactory = Callable[[], Agent]
 """A class or function that makes a new agent, called without arguments."""
 SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[SimulatorOptions, str], Simulator]
-"""A class or function that makes a new world, of the options and, where it takes one, the text after the colon."""
+"""A class or function that makes a new world from the options and, with an argument, the text after the colon."""
 
 AgentFactories = Callable[[str], AgentFactory]
-"""Makes the factory of one agent, given the text after the colon of its name."""
+"""A function that makes the factory of one agent from the text after the colon of the agent's name."""
 
 _BUILT_IN = "built in"
 _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
@@ -60,7 +60,7 @@ _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
         ("bench2drive", "pytest_drive_robust.bench2drive.evaluator.by_pytest:official_evaluator", ""),
     ),
 }
-"""Names of each kind that come with this package, where they are, and what may follow them."""
+"""The built-in entries of each kind: name, reference, and the argument that may follow the name."""
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
     "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
@@ -72,24 +72,24 @@ _HINTS: Mapping[str, str] = {
 
 
 _NO_METRIC = re.compile(r"[\s#≤≥]|<=|>=")
-"""What would end the metric of a sentence: `verdict.sentences` reads one word before "under"."""
+"""Characters that no metric's name may have: `verdict.sentences` reads one word before "under" as the metric."""
 
 
 class Registry:
-    """The names that one process knows. Asking for a name loads that entry and no other."""
+    """The names that one process knows. Requesting a name loads only that entry."""
 
     def __init__(self) -> None:
         self._registered: dict[tuple[str, str], Entry] = {}
         self._problems: dict[str, DriveRobustError] = {}  # of perturbations, by name
-        self._perturbations: dict[str, type[Perturbation]] = {}  # those that were checked
+        self._perturbations: dict[str, type[Perturbation]] = {}  # classes that passed the checks, by name
         self._told_apart: set[tuple[type[Perturbation], type[Perturbation]]] = set()
         self._installed: dict[str, list[Entry]] | None = None  # entry points by kind: finding them reads disk
-        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and those by kind
+        self._declared: dict[str, tuple[Entry, ...]] = {}  # built-ins and entry points, by kind
 
     def register_agent(self, name: str, factory: AgentFactory | AgentFactories, *, argument: str = "") -> None:
         """Make `--drive-agent name` call `factory()`. Raises `UsageError` when the name is taken by another hook.
 
-        `argument` is for agents that come in many: with `argument="FILE"` the name is listed as `name:FILE`, and
+        `argument` is for a family of agents: with `argument="FILE"` the name is listed as `name:FILE`, and
         `--drive-agent name:text` calls `factory("text")()`; without a colon the text is empty.
         """
         self._register("agents", name, factory, argument=argument)
@@ -97,8 +97,8 @@ class Registry:
     def register_perturbation(self, cls: type[Perturbation], name: str | None = None) -> None:
         """Let requirement sentences use the `phrase` of `cls`. The name is the class's in kebab case by default.
 
-        Raises `PluginError` for what is no dataclass below `Perturbation`, and for a phrase that cannot be read back or
-        that another failure has; `UsageError` when the name is taken by another hook, or built in.
+        Raises `PluginError` when `cls` is no dataclass derived from `Perturbation`, or when its phrase cannot be parsed
+        back or belongs to a built-in perturbation; `UsageError` when the name is taken by another hook, or built in.
         """
         from pytest_drive_robust.perturbations import BUILTIN
 
@@ -111,7 +111,7 @@ class Registry:
     def register_simulator(self, name: str, factory: SimulatorFactory, *, argument: str = "") -> None:
         """Make `--drive-sim name` call `factory(options)`.
 
-        `argument` is for a world that comes in several kinds: with `argument="ID"` it is listed as `name:ID`, and
+        `argument` is for a family of worlds: with `argument="ID"` the name is listed as `name:ID`, and
         `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty. Raises `UsageError`
         when the name is taken by another hook, or built in.
         """
@@ -120,10 +120,10 @@ class Registry:
         self._register("simulators", name, factory, argument=argument)
 
     def register_metric(self, name: str, function: MetricFunction) -> None:
-        """Let requirements name a number of your own: `function(results of one setting)`, None for no data.
+        """Let requirements use your own metric: `function(results of one setting)` returns a number, None for no data.
 
-        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere, and for one that no
-        sentence can name.
+        Raises `UsageError` for the name of a built-in metric, which must mean the same everywhere, and for a name that
+        no sentence can hold.
         """
         problem = _metric_name_problem(name)
         if problem:
@@ -133,7 +133,7 @@ class Registry:
     def agent(self, name: str) -> Agent:
         """Return a new agent. `name` is a registered name or `module.path:Factory`.
 
-        Raises `UnknownNameError`, or `PluginError` when it does not load or is no agent.
+        Raises `UnknownNameError` for an unknown name, and `PluginError` when the object does not load or is no agent.
         """
         return cast("Agent", _made(self.entry("agents", name), protocol=Agent))
 
@@ -153,9 +153,9 @@ class Registry:
         return checked_class(entry.load(), entry.origin, name)
 
     def perturbations(self) -> dict[str, type[Perturbation]]:
-        """Return every perturbation that loads, by name.
+        """Return every usable perturbation class, by name.
 
-        Those that do not, and several with one sentence, are left out and listed by `problems`.
+        A class that does not load, and classes that share a sentence, are left out; `problems` lists them.
         """
         classes: dict[str, type[Perturbation]] = {}
         self._problems.clear()
@@ -169,7 +169,7 @@ class Registry:
         return classes
 
     def _indistinct(self, classes: Mapping[str, type[Perturbation]]) -> set[str]:
-        """Return the names of failures that share a sentence. Two that were told apart once are not compared again."""
+        """Return the names of perturbations that share a sentence. A pair that passed once is not compared again."""
         from pytest_drive_robust.perturbations import BUILTIN
 
         found: set[str] = set()
@@ -187,7 +187,7 @@ class Registry:
         return found
 
     def _checked_perturbation(self, name: str) -> type[Perturbation]:
-        """Return what `perturbation` does; what was right once is not checked again."""
+        """Return the class as `perturbation` does; a class that passed the checks once is not checked again."""
         loaded = self.entry("perturbations", name).load()
         if self._perturbations.get(name) is not loaded:
             self._perturbations[name] = self.perturbation(name)
@@ -204,14 +204,17 @@ class Registry:
     def names(self, kind: str) -> list[tuple[str, str]]:
         """Return (name, origin) of every entry of a kind, sorted, nothing loaded.
 
-        One with an argument is `gymnasium:ID`.
+        The name of an entry with an argument is `gymnasium:ID`.
         """
         return sorted(
             (found[0].syntax, " and ".join(entry.origin for entry in found)) for found in self._all(kind).values()
         )
 
     def entry(self, kind: str, name: str) -> Entry:
-        """Return the entry of that name, not loaded. Raises `UnknownNameError` or `PluginError`."""
+        """Return the entry of a name, not loaded.
+
+        Raises `UnknownNameError` for an unknown name, and `PluginError` for a name that is declared twice.
+        """
         known = self._all(kind)
         bare, colon, argument = name.partition(":")
         takes_options = kind == "agents" and colon and name not in known and "=" in argument
@@ -238,11 +241,11 @@ class Registry:
         return found.with_options(argument) if takes_options else found
 
     def require(self, kind: str, name: str) -> None:
-        """Load the entry without making anything of it. Raises `UnknownNameError` or `PluginError`."""
+        """Load an entry without making an object from it. Raises `UnknownNameError` or `PluginError`."""
         _factory_of(self.entry(kind, name))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
-        """Return what no sentence can use, for the report: of perturbations, as `perturbations` found them last."""
+        """Return an error for each unusable entry; perturbations as the last call of `perturbations` found them."""
         found = [self._problems[name] for name in sorted(self._problems)]
         return (*found, *self._misnamed_metrics(), *unknown_groups())
 
@@ -288,7 +291,7 @@ class Registry:
 
 
 _IN_USE: list[Registry] = []
-"""The registries of this process, each of a session inside that of the one before it; the last one is in use."""
+"""The registries of nested pytest sessions in this process, outermost first; the last registry is in use."""
 
 
 def default_registry() -> Registry:
@@ -299,18 +302,18 @@ def default_registry() -> Registry:
 
 
 def hide_names() -> int:
-    """Go on with a registry in which no hook registered anything yet; return what `forget_names` brings back."""
+    """Put a registry without hook-registered names in use; return the number that `forget_names` takes to undo this."""
     _IN_USE.append(Registry())
     return len(_IN_USE) - 1
 
 
 def forget_names(kept: int = 0) -> None:
-    """Forget what hooks registered, but for what `hide_names` hid when it returned `kept`."""
+    """Forget names that hooks registered; with `kept` from `hide_names`, bring the hidden names back."""
     del _IN_USE[kept:]
 
 
 def _plain_options(target: object) -> dict[str, object]:
-    """Return what a `functools.partial` gives by name and by place, as far as two such values can be compared."""
+    """Return the comparable arguments of a `functools.partial`, text and numbers, by name or by position."""
     if not isinstance(target, functools.partial):
         return {}
     given = {**{str(place): value for place, value in enumerate(target.args)}, **target.keywords}
@@ -331,7 +334,7 @@ def _builtins(kind: str) -> list[Entry]:
 
 
 def _metric_name_problem(name: str) -> str:
-    """Return why a metric cannot have this name, or nothing where it can."""
+    """Return why a metric cannot have this name; `""` when the name is allowed."""
     if name in METRICS:
         return f"{name!r} is a built-in metric and keeps its meaning: give yours another name."
     if not _NO_METRIC.search(name):
@@ -344,7 +347,7 @@ def _metric_name_problem(name: str) -> str:
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
-    """Return whether a name before a colon looks like one of ours that takes an argument, and like no module."""
+    """Return whether `bare`, the text before a colon, resembles a name that takes an argument, and is no module."""
     import importlib.util
 
     close = nearest(bare, [name for name in known if known[name][0].argument])
@@ -353,7 +356,7 @@ def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
 
 
 def _module_here(kind: str, name: str) -> str:
-    """Return how to name the class in a module that was given alone, or as a file; nothing where there is no file."""
+    """Return advice for a name that is a module or file without a class; `""` when there is no such file here."""
     module = name.removesuffix(".py").replace(os.sep, ".")
     if kind not in ("agents", "simulators") or not os.path.isfile(f"{module.replace('.', os.sep)}.py"):
         return ""
@@ -375,7 +378,7 @@ def _called(entry: Entry) -> str:
 
 
 def _factory_of(entry: Entry) -> Callable[..., object]:
-    """Load what makes the objects of an entry. Raises `PluginError` for what cannot be called."""
+    """Load the factory of an entry. Raises `PluginError` when the factory cannot be called."""
     factory = entry.load()
     if not callable(factory):
         raise PluginError(f"{_called(entry)} is {factory!r}, expected a class or a function that makes one.")
@@ -383,7 +386,10 @@ def _factory_of(entry: Entry) -> Callable[..., object]:
 
 
 def _made(entry: Entry, *arguments: object, protocol: type) -> object:
-    """Return what the factory makes, checked against the protocol's members. Raises `PluginError`."""
+    """Return a new object from the entry's factory.
+
+    Raises `PluginError` when the factory fails, or when the object lacks a member of `protocol`.
+    """
     factory, what = _factory_of(entry), _called(entry)
     try:
         made: object = factory(*arguments)
@@ -403,7 +409,7 @@ def _made(entry: Entry, *arguments: object, protocol: type) -> object:
 
 
 def missing_members(made: object, protocol: type) -> list[str]:
-    """Return the names of the protocol that an object lacks, sorted; a property counts, whatever it raises."""
+    """Return the protocol's public members that an object lacks, sorted; a property that raises counts as present."""
     names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
     public = sorted(name for name in names if not name.startswith("_"))
     return [name for name in public if not (hasattr(type(made), name) or hasattr(made, name))]

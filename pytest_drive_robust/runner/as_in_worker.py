@@ -1,4 +1,4 @@
-"""What is around an agent in a worker process, for what is driven, or looked at, in the process of the run."""
+"""Gives an agent in the process of the run the surroundings of a worker process: folder, environment, warnings."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from pathlib import Path
 
 @contextmanager
 def as_in_worker(folder: Path | str = os.curdir, environment: MutableMapping[str, str] | None = None) -> Iterator[None]:
-    """Be in `folder`, that of the call, with the `environment` of before any test, and let warnings only warn.
+    """Run the body in `folder`, with the variables of `environment`, and with warnings that are no errors.
 
-    What an agent changes of its environment is in `environment` then.
+    `environment` holds the variables from before any test; afterwards it holds them with the agent's changes. None or
+    an empty mapping means the present variables.
 
-    What a test's folder and variables, or pytest's `-W error`, make of an episode would be stored, under the key of
-    the one that a worker process drives to its end.
+    Without this, a test's folder and variables, or pytest's `-W error`, could change an episode that is stored under
+    the key of a worker process's episode.
     """
     with in_folder(folder), _in_environment(environment), warnings.catch_warnings():
         warnings.filters = [
@@ -28,10 +29,10 @@ def as_in_worker(folder: Path | str = os.curdir, environment: MutableMapping[str
 
 @contextmanager
 def in_folder(folder: Path | str) -> Iterator[None]:
-    """Be in `folder`, and then where we were."""
+    """Run the body in `folder`, then change back to the earlier folder."""
     try:
         before = os.getcwd()
-    except FileNotFoundError:  # a test went to a folder that it removed
+    except FileNotFoundError:  # a test removed the current folder
         before = str(folder)
     os.chdir(folder)
     try:
@@ -56,7 +57,7 @@ def _in_environment(environment: MutableMapping[str, str] | None) -> Iterator[No
 
 
 def _set_environment(wanted: Mapping[str, str]) -> None:
-    """Make the variables the wanted ones, and touch no other: threads of a test may look at them."""
+    """Set the environment variables to `wanted`; write only changed ones: threads of a test may read the others."""
     for name in os.environ.keys() - wanted.keys():
         del os.environ[name]
     os.environ.update({name: text for name, text in wanted.items() if os.environ.get(name) != text})

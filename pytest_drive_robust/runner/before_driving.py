@@ -1,6 +1,6 @@
-"""What worlds and the factories of agents are asked before anything is driven.
+"""Questions to worlds and to agents' factories before driving.
 
-Their code may be anybody's: what it raises there, and an answer that nothing could be driven with, is a `PluginError`.
+A world or a factory may be a user's code: an error in it, or an answer that cannot be used, becomes a `PluginError`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _OWN = __name__.partition(".")[0]
 
 
 def check_factory(agent: str, factory: object) -> None:
-    """Call the `check` of the factory of `agent`, where it has one. Raises `UsageError` for what is wrong."""
+    """Call the `check` of the agent's factory, if any. Raises `UsageError` when no agent can be made."""
     check = check_of(factory)
     if check is not None:
         with _refusing(f"`check` of the agent {agent!r}", "UsageError where no agent can be made"):
@@ -31,7 +31,11 @@ def check_factory(agent: str, factory: object) -> None:
 
 
 def routes_of(spec: str, world: Simulator, load: Callable[[str], tuple[Route, ...]] | None = None) -> tuple[Route, ...]:
-    """Return routes as `routes_for` does, of a world's own each once and at least one. Raises `UsageError`."""
+    """Return the routes of `spec` as `routes_for` does.
+
+    Raises `UsageError` for a bad spec. Raises `PluginError` when a world with its own routes gives no route, two routes
+    with one id, or an id or scenario type that is no text.
+    """
     if own_routes(world) is None:
         return routes_for(spec, world, load)
     with _refusing(f"`routes` of the simulator {world.name!r}", "routes"):
@@ -52,7 +56,7 @@ def routes_of(spec: str, world: Simulator, load: Callable[[str], tuple[Route, ..
 
 
 def check_route(world: Simulator, route: Route) -> None:
-    """Let a world say whether it can drive a route. Raises `UsageError` where it cannot."""
+    """Call the world's `check_route`, if any. Raises `UsageError` when the world cannot drive the route."""
     check: Callable[[Route], object] | None = getattr(world, "check_route", None)
     if check is not None:
         with _refusing(f"`check_route` of the simulator {world.name!r}", "RouteError for one that it cannot drive"):
@@ -60,7 +64,7 @@ def check_route(world: Simulator, route: Route) -> None:
 
 
 def facts_of(world: Simulator) -> tuple[object, ...]:
-    """Return name, version and tick of a world, and what it says to decide its numbers. Raises `PluginError`."""
+    """Return the name, the version and the tick (s) of a world, and its `versions()`. Raises `PluginError`."""
     with _refusing(f"asking the simulator {world.name!r} for its `versions`", "text for text"):
         facts = (world.name, world.version, world.dt_s, dict(world.versions()))
         canonical_text(facts)
@@ -68,7 +72,7 @@ def facts_of(world: Simulator) -> tuple[object, ...]:
 
 
 def sources_of(world: Simulator) -> list[ModuleType]:
-    """Return the modules beside its own that a world says to be made of. Raises `PluginError`."""
+    """Return the modules that a world names in `sources`, beside its own. Raises `PluginError`."""
     named: Any = getattr(world, "sources", ())
     try:
         return [import_module(name) for name in named]
@@ -79,7 +83,7 @@ def sources_of(world: Simulator) -> list[ModuleType]:
 
 @contextmanager
 def _refusing(call: str, expected: str) -> Iterator[None]:
-    """Raise `PluginError` for what somebody's code raises, but for a `UsageError`: that is an answer."""
+    """Raise `PluginError` for an error in the body; let a `UsageError` through, because it is an answer."""
     try:
         yield
     except UsageError:
@@ -89,7 +93,7 @@ def _refusing(call: str, expected: str) -> Iterator[None]:
 
 
 def _below_ours(error: BaseException) -> TracebackType | None:
-    """Return the traceback from the first line of somebody's code on: ours only passes the call on."""
+    """Return the traceback from the first line outside this package on: our code only passes the call on."""
     trace = error.__traceback__
     while trace is not None and str(trace.tb_frame.f_globals.get("__name__")).partition(".")[0] == _OWN:
         trace = trace.tb_next

@@ -50,15 +50,16 @@ class Judgement:
 
 
 class Campaign:
-    """Answers questions about episodes; has those driven that nobody has driven yet.
+    """Answers questions about episodes; drives the episodes that are not stored yet.
 
-    While one question waits for its episodes, free slots of the executor already drive what it will ask for next, then
-    what later tests need. Answers do not depend on that: episodes are read in planned order, whoever ended first.
+    While one question waits for its episodes, free slots of the executor already drive the episodes that it will need
+    next, then the episodes of later tests. Answers do not depend on that: episodes are read in planned order, whichever
+    ended first.
 
-    `budget_s`: so many seconds after an episode was missing first no new one is begun.
-    `whole`: episodes that a verdict can do without are driven too, because the run is compared with others: routes
-    that were driven until their scores happened to be high enough say nothing about two runs.
-    `require_unchanged` raises `UsageError` for an agent that may be another one than when its keys were made.
+    `budget_s`: no new episode begins later than this many seconds after the first missing episode. `whole`: all routes
+    are driven, also those that a verdict does not need, because the run is compared with others: routes that were
+    driven until their scores happened to be high enough say nothing about two runs. `require_unchanged` raises
+    `UsageError` for an agent that may have changed since its keys were made.
     """
 
     def __init__(
@@ -84,12 +85,12 @@ class Campaign:
     def planned(
         self, requests: Mapping[str, EpisodeRequest], verdict_plans: Sequence[VerdictPlan], *, shared: bool = False
     ) -> None:
-        """Note what the selected tests are known to need, so that the observer can say how much is left.
+        """Note the episodes that the selected tests need, so that the observer can show how much is left.
 
-        Idle slots may begin with what the `verdict_plans` probably take, in their order, but first of all with a few
-        episodes of each agent, so that the observer knows early what the episodes of each take. Where other processes
-        run some of the tests (`shared`), idle slots begin only with what is needed whatever the verdicts there are:
-        the episodes of values over all routes.
+        Idle slots may drive the episodes that the `verdict_plans` probably read, in their order. A few episodes of each
+        agent come first, so that the observer knows early how long each agent's episodes take. When other processes run
+        some of the tests (`shared`), idle slots drive only episodes that are needed for any verdict: those of values
+        over all routes.
         """
         self.observer(Planned(tuple(requests)))
         verdict_plans = [replace(plan, kind="point") for plan in verdict_plans] if self._whole else verdict_plans
@@ -102,14 +103,17 @@ class Campaign:
         self.scheduler.plan(request for plan in verdict_plans for request in plan.likely)
 
     def episodes(self, scope: Scope, setting: Setting) -> Results:
-        """Return every episode of `scope` under `setting`, routes within seeds."""
+        """Return every episode of `scope` under `setting`, seed by seed in route order; drive the missing ones."""
         need = scope.need(setting, clean=False)
         with self._answering(scope, setting, need) as begun:
             self._ensure_all(need, begun)
         return self._use(need.perturbed)
 
     def outlook(self, plan: VerdictPlan) -> tuple[int, int]:
-        """Return how many routes the verdict probably takes, and at most, by what is stored; drive nothing."""
+        """Return the number of routes that the verdict probably reads, and the most that it may read; drive nothing.
+
+        Reads stored episodes as the verdict would.
+        """
         planned = len(plan.routes)
         if plan.kind == "point" or self._whole:
             return planned, planned
@@ -119,17 +123,17 @@ class Campaign:
                 return min(planned, number + max(1, judge.likely_left(planned))), planned
             try:
                 score = self._score(plan, route)
-            except ComparisonError:  # an error is a verdict, too: nothing is read after it
+            except ComparisonError:  # an error ends the reading, as a verdict does
                 return number + 1, number + 1
             if score is not None and judge.read(*score) is not None:
                 return number + 1, number + 1
         return planned, planned
 
     def judge(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule, *, nodeid: str) -> Judgement:
-        """Drive what is missing and judge, for the record of the run.
+        """Drive the missing episodes and judge the requirement; send the verdict, or any error, to the observer.
 
-        Raises `ComparisonError` when there is no number to judge and `UsageError` when the agent or the simulator
-        cannot be made; the record says so too, and of whatever else is raised.
+        Raises `ComparisonError` when there is no number to judge, and `UsageError` when the agent or the simulator
+        cannot be made.
         """
         try:
             judgement = self.decide(requirement, scope, verdict_rule)
@@ -141,7 +145,10 @@ class Campaign:
         return judgement
 
     def decide(self, requirement: Requirement, scope: Scope, verdict_rule: VerdictRule | None) -> Judgement:
-        """Read route by route until `verdict_rule` decides; all where it compares values. Record no verdict."""
+        """Judge as `judge` does, but send no verdict: read route by route until the rule decides, or all for a value.
+
+        `verdict_rule` None judges the value over all routes.
+        """
         plan = scope.verdict_plan(requirement, verdict_rule)
         used = plan.need
         decision = planned = None
@@ -165,9 +172,10 @@ class Campaign:
         return Judgement(verdict, clean, perturbed)
 
     def measure(self, requirement: Requirement, scope: Scope) -> Verdict:
-        """Return the value over all episodes, for a caller who only wants the value.
+        """Return a verdict with the value over all episodes, for a caller who only wants the value.
 
-        Raises `ComparisonError` when there is none, and when it says nothing: an RD below the floor of the clean score.
+        Raises `ComparisonError` when there is no value, or when the value is meaningless: an RD whose clean driving
+        score is below the floor.
         """
         verdict = self.decide(requirement, scope, None).verdict
         if verdict.reason:
@@ -175,12 +183,12 @@ class Campaign:
         return verdict
 
     def _ensure_all(self, need: RouteRequests, begun: list[EpisodeRequest]) -> None:
-        """Drive what is missing of all that is needed, the longest episodes first."""
+        """Drive the missing episodes of `need`, the longest first."""
         begun += need.requests
         self.scheduler.ensure(sorted(need.requests, key=self.scheduler.expected_s, reverse=True))
 
     def _read_routes(self, plan: VerdictPlan, begun: list[EpisodeRequest]) -> tuple[str, int]:
-        """Return the verdict and how many routes it was read from; deal with the episodes that it did without."""
+        """Return the decision and the number of routes read; drive the other routes if `whole`, else spare them."""
         judge = plan.judge()
         decision, count = read_until_decided(judge, self._scores(plan, judge, begun))
         rest = plan.requests(count)
@@ -195,7 +203,7 @@ class Campaign:
     def _scores(
         self, plan: VerdictPlan, judge: Judge, begun: list[EpisodeRequest]
     ) -> Iterator[tuple[float, float] | None]:
-        """Yield the scores of one route after the other, while free slots drive what `judge` probably reads next."""
+        """Yield the scores of each route in order, while free slots drive what `judge` probably reads next."""
         planned = len(plan.routes)
         for number, route in enumerate(plan.routes):
             begun += route.requests
@@ -207,12 +215,12 @@ class Campaign:
             yield self._score(plan, route)
 
     def _score(self, plan: VerdictPlan, route: RouteRequests) -> tuple[float, float] | None:
-        """Return what a judge reads of a route whose episodes are stored, None where they hold no data."""
+        """Return the pair of numbers that a judge reads for a route with stored episodes, None without data."""
         clean, perturbed = self._finished(route.clean), self._finished(route.perturbed)
         return plan.requirement.metric.of_route(perturbed, clean=clean, mode=self._metrics)
 
     def _use(self, requests: tuple[EpisodeRequest, ...]) -> Results:
-        """Return the results of these requests, which the run now rests on."""
+        """Return the results of these requests, and note that the run uses them."""
         if requests:
             self.observer(Used(keys_of(requests)))
         return self._finished(requests)
@@ -226,10 +234,10 @@ class Campaign:
 
     @contextmanager
     def _answering(self, scope: Scope, setting: Setting, need: RouteRequests) -> Iterator[list[EpisodeRequest]]:
-        """Tell what is asked for; afterwards the display is gone, whatever happened.
+        """Send the events around one question: the needed episodes before, `idle` and new store problems after.
 
-        The list that is yielded gets what is begun. When no verdict comes of it, those that are finished belong to the
-        run all the same: an error or an interrupt is to be read beside what led to it.
+        Yields a list, to which the body adds the episodes that it begins. When the body raises, the finished episodes
+        of that list still count as used by the run, to show what led to the error or the interrupt.
         """
         self._require_unchanged(scope.agent)
         begun: list[EpisodeRequest] = []

@@ -1,10 +1,10 @@
-"""What drives episodes in one process: its worlds and its agents, and the one place where an agent is made.
+"""Drives episodes in one process, with its worlds and its agents; the only place where an agent is made.
 
-An episode is driven by the agent's own `act`, or side by side with others of its agent that answers many observations
-in one call (`act_batch`): in lockstep. There every episode has a world and an agent object of its own. A batch always
-has the same number of rows: where fewer episodes ask, stand-ins fill it, because the bits of a matrix product depend on
-its shape. With one thread and `check_lockstep` passed, an episode comes out the same to the last bit whoever shares the
-batch with it, in whichever order, and however early the others end.
+An episode is driven by the agent's `act`, or in lockstep: side by side with other episodes of an agent that answers
+many observations in one call (`act_batch`). In lockstep every episode has its own world and agent object. A batch has
+one of a few fixed sizes: when fewer episodes ask, stand-ins fill its rows, because the bits of a matrix product depend
+on its shape. With one thread, and after `check_lockstep` passed, an episode is the same to the last bit, whichever
+episodes share the batch, in any order, and however early they end.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from pytest_drive_robust.simulators.base import Simulator
 
 _Ended = Generator[tuple[EpisodeRequest, EpisodeResult], None, None]
 DRIVEN_AGAIN = 2
-"""How often an episode is driven again when its end was not the agent's doing."""
+"""How many more times an episode is driven when its end is not the agent's fault."""
 
 
 class EpisodeDriver:
-    """Worlds and agent objects serve one episode after the other; what broke in one of them is made anew.
+    """Drives episodes; reuses worlds and agent objects from episode to episode, and replaces those that broke.
 
-    `make_agent` is given a name. `watch` is told whose code runs; in lockstep its tick is that of the first row.
+    `make_agent` takes a name. `watch` is told whose code runs; in lockstep it gets the tick of the first row.
     """
 
     output = ""
@@ -50,10 +50,10 @@ class EpisodeDriver:
         self._worlds: list[Simulator] = []
         self._free_worlds: list[Simulator] = []
         self._free_agents: dict[str, list[Agent]] = {}
-        self._refusals: dict[str, UsageError | None] = {}  # of agents that were checked for lockstep
+        self._refusals: dict[str, UsageError | None] = {}  # results of the lockstep check, by agent
 
     def drive(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive an episode as `drive_once` does; again where the world broke."""
+        """Drive an episode as `drive_once` does; drive it again, at most twice, when the world broke."""
         for _ in range(1 + DRIVEN_AGAIN):
             result = self.drive_once(request, width)
             if result.outcome is not Outcome.INFRA_ERROR:
@@ -61,10 +61,10 @@ class EpisodeDriver:
         return result
 
     def drive_once(self, request: EpisodeRequest, width: int | None = None) -> EpisodeResult:
-        """Drive an episode by `act`, with a `width` in a batch of its own: what breaks that is its agent's fault.
+        """Drive an episode by `act`, or with `width` in its own batch, so that an error in the batch is its agent's.
 
-        A setting that measures the time of inference is driven by `act`, as a batch has no time per row. Raises
-        `UsageError` when the world or the agent cannot be made.
+        A setting that measures the inference time is always driven by `act`, because a batch has no time per row.
+        Raises `UsageError` when the world or the agent cannot be made.
         """
         agent = request.episode.agent
         if width is None or _measures_inference(request):
@@ -82,19 +82,20 @@ class EpisodeDriver:
     def drive_batch(
         self, agent: str, take: Callable[[], EpisodeRequest | None], width: int = WIDTH, *, check: bool = True
     ) -> _Ended:
-        """Drive up to `width` episodes at once; yield each with its result as soon as it ends.
+        """Drive up to `width` episodes at once; yield (request, result) for each as soon as it ends.
 
-        One is taken when a place is free, not before. A result says `lockstep=8` in `versions`, and its `wall_s` is the
-        episode's share of the time that all took. `check`: ask once whether the agent may be driven so (`admit`).
+        `take` is called when a row is free, not before. A result has `lockstep=8` (the width) in `versions`, and its
+        `wall_s` is the episode's share of the batch's time. With `check`, test once whether the agent may be driven in
+        lockstep (`admit`).
 
-        Raises `UsageError` when the agent cannot be made or must not be driven so, `ValueError` for a width that is no
-        positive multiple of four and for two agents in a batch, and never for what agent, world or perturbations do:
-        see `drive_episode` for how that ends. When a whole batch breaks, its episodes begin again one by one, so that
-        only the guilty one ends in `agent_error`.
+        Raises `UsageError` when the agent cannot be made or must not be driven in lockstep, and `ValueError` for a
+        width that is no positive multiple of four and for two agents in a batch. Errors of the agent, the world or a
+        perturbation end the episode, as in `drive_episode`. When a whole batch breaks, its episodes are driven again
+        one by one, so that only the episode at fault ends in `agent_error`.
         """
         if width < ROWS or width % ROWS:
             raise ValueError(f"the width of lockstep is {width}, expected a multiple of {ROWS} such as {WIDTH}")
-        self._free_agents = {agent: self._free_agents.get(agent, [])}  # a batch of another one holds many objects
+        self._free_agents = {agent: self._free_agents.get(agent, [])}  # free the many objects of another agent's batch
         driving = self._drive_together(agent, take, width, check=check)
         try:
             while True:
@@ -107,13 +108,13 @@ class EpisodeDriver:
             driving.close()
 
     def world(self) -> Simulator:
-        """Return a world, made when there is none yet."""
+        """Return a world; make one when there is none yet."""
         if not self._worlds:
             self._free_worlds.append(self._take_world())
         return self._worlds[0]
 
     def close(self) -> None:
-        """Close the worlds and drop the agents. Calling it twice does no harm."""
+        """Close the worlds and drop the agents. A second call does nothing."""
         for world in self._worlds:
             world.close()
         self._worlds.clear()
@@ -126,7 +127,7 @@ class EpisodeDriver:
         live: dict[RunningEpisode, EpisodeRequest] = {}
         batch = Batch(width, lambda: self._take_agent(agent), self._watch)
         with self._closing_cut_off():
-            with suppress(GeneratorExit):  # the caller wants no more of them: nobody is in the middle of a tick
+            with suppress(GeneratorExit):  # the caller stops between two ticks: the worlds can be reused
                 while True:
                     while len(live) < width and (request := take()) is not None:
                         if request.episode.agent != agent:
@@ -140,7 +141,7 @@ class EpisodeDriver:
                     broken: list[EpisodeRequest] = []
                     try:
                         self._round(live, batch)
-                    except AgentError:  # nobody knows by whose fault
+                    except AgentError:  # the episode at fault is unknown
                         spoilt = [running for running in live if not running.over]
                         self._free_worlds += [running.simulator for running in spoilt]
                         broken = [live.pop(running) for running in spoilt]
@@ -152,9 +153,9 @@ class EpisodeDriver:
             self._free_worlds += [running.simulator for running in live]
 
     def _may_share(self, request: EpisodeRequest, width: int) -> bool:
-        """Return whether the agent may be driven in lockstep, False while that is not known.
+        """Return whether the agent may be driven in lockstep; False while the check has seen nothing.
 
-        Raises `UsageError` for one that must not, or that cannot be made.
+        Raises `UsageError` for an agent that must not be driven in lockstep, or that cannot be made.
         """
         name = request.episode.agent
         if name not in self._refusals:
@@ -202,7 +203,7 @@ class EpisodeDriver:
         return replace(result, versions={**result.versions, "lockstep": str(width)})
 
     def _result(self, request: EpisodeRequest, running: RunningEpisode) -> EpisodeResult:
-        """Return what came of an episode; keep what can be used again, and nothing that may be in any state."""
+        """Return the result of an episode; keep its world and agent for reuse, unless an error broke their state."""
         result, world = running.result(request.episode), running.simulator
         if result.outcome is Outcome.INFRA_ERROR:
             self._worlds = [one for one in self._worlds if one is not world]
@@ -215,7 +216,7 @@ class EpisodeDriver:
 
     @contextmanager
     def _closing_cut_off(self) -> Iterator[None]:
-        """Close what worlds are in use when something is raised: they may be in the middle of a tick."""
+        """Close the worlds in use when the body raises: they may be in the middle of a tick."""
         try:
             yield
         except BaseException:
@@ -223,7 +224,7 @@ class EpisodeDriver:
             in_use = [world for world in self._worlds if id(world) not in free]
             self._worlds = list(self._free_worlds)
             for world in in_use:
-                with suppress(Exception):  # told is what cut it off
+                with suppress(Exception):  # the first error is the one to report
                     world.close()
             raise
 
@@ -245,12 +246,12 @@ def _measures_inference(request: EpisodeRequest) -> bool:
 
 
 def make_agent(registry: Registry, name: str) -> Agent:
-    """Build the agent of that name; the same object every time, whatever its constructor draws.
+    """Make the agent `name`; every call makes an equal agent, whatever random numbers its constructor draws.
 
-    The global generators are seeded by the agent's name alone meanwhile. Not by the episode: one object is kept for
-    many, and which of them comes first depends on the order, the number of processes and what is stored already. One
-    that is made anew after an error must be the one that it replaces. Raises `UsageError` when it cannot be made, or
-    says of itself what decides its keys and its factory does not say.
+    The global generators are seeded by the agent's name while the agent is made. The episode is no part of the seed:
+    one agent object drives many episodes, and which comes first depends on the order, the number of processes and the
+    store. An agent made anew after an error must equal the one that it replaces. Raises `UsageError` when the agent
+    cannot be made, or declares an attribute of its keys that its factory does not declare.
     """
     with borrowed_generators(f"making {name}"):
         agent = registry.agent(name)

@@ -1,4 +1,4 @@
-"""The executor without processes: drives in this one, as a debugger wants it."""
+"""The executor without worker processes: drives in this process, as a debugger needs."""
 
 from __future__ import annotations
 
@@ -19,8 +19,9 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 class InlineExecutor(LocalExecutor):
     """Drives in this process, for debuggers and prints: nothing protects the run from the agent.
 
-    `ticked` is called after every tick of each episode. With a `width` agents that offer it are driven in lockstep.
-    All are driven in `folder`, by default where the caller is, with the `environment()`, by default the present one.
+    `ticked` is called after every tick of each episode. With a `width`, agents that offer lockstep are driven in
+    batches. Episodes are driven in `folder` (default: the current folder) with the variables of `environment()`
+    (default: the present ones).
     """
 
     def __init__(
@@ -42,11 +43,11 @@ class InlineExecutor(LocalExecutor):
 
         def made(name: str) -> Agent:
             agent = make_agent(registry, name)
-            one_thread.limit()  # also what it loaded
+            one_thread.limit()  # also libraries that the agent loaded
             return agent
 
         class _Ticks(Watch):
-            """Hears of every tick."""
+            """Calls `ticked` after every tick."""
 
             def ticked(self, *_: object) -> None:
                 ticked()
@@ -68,9 +69,9 @@ class InlineExecutor(LocalExecutor):
 
     @functools.cached_property
     def compiling(self) -> tuple[int, int]:
-        """Of the functions of the embedded world that were in no cache when this was first asked, none is compiled."""
+        """(0, number of the embedded world's functions that were in no cache at the first call); (0, 0) elsewhere."""
         if self._simulator == "embedded":
-            with suppress(ImportError):  # the episode says so
+            with suppress(ImportError):  # the episode reports a missing library
                 from pytest_drive_robust.simulators.embedded.compiling import missing_functions  # loads numba
 
                 return 0, missing_functions()

@@ -1,4 +1,4 @@
-"""The executor of this machine: drivers, here or in processes, take what waits."""
+"""The executor of this machine: drivers, in this process or in worker processes, take the waiting episodes."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from pytest_drive_robust.runner.executor import Driver, Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _MOST_WORDS = 2000
-"""Characters of what a broken episode printed that are kept for people."""
+"""How many characters of a broken episode's output are kept for reports."""
 _MOST_EPISODES = 5
 
 
 class LocalExecutor(Executor):
-    """Has drivers take what waits: an episode, or with a `width` a batch of up to so many of an agent that `shares`.
+    """Lets drivers take waiting episodes: one, or a batch of up to `width` episodes of an agent that `shares`.
 
-    With `threads` there are so many drivers, each in a thread of its own; without there is one, which works in `work`.
-    `make_drivers(agent)` is called at the first episode, which is one of `agent`, and raises `UsageError` where no
-    process could be made like this one.
+    With `threads` there are that many drivers, each in its own thread; without, one driver works in `work`.
+    `make_drivers(agent)` is called at the first episode, which belongs to `agent`. It raises `UsageError` when no
+    worker process like this process could be made.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class LocalExecutor(Executor):
 
     @property
     def slots(self) -> int:
-        """Return how many episodes fit: one that is driven alone takes the place of a batch."""
+        """Return how many episodes fit; an episode that is driven alone takes the place of a batch."""
         self._singles = {future for future in self._singles if not future.done()}
         return self._workers * self._width - (self._width - 1) * len(self._singles)
 
@@ -61,7 +61,10 @@ class LocalExecutor(Executor):
         return self._width if self._width > 1 and self._shares(agent) else 1
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Let the next free driver have an episode. Raises `UsageError` as `make_drivers`."""
+        """Queue an episode for the next free driver; return a future of its result. Raises `UsageError`.
+
+        See `make_drivers` for the error.
+        """
         if not self._drivers:
             self._drivers = self._make_drivers(request.episode.agent)
             self._idle += self._drivers
@@ -75,7 +78,7 @@ class LocalExecutor(Executor):
         return future
 
     def close(self) -> None:
-        """Wait for what is under way, and free everything."""
+        """Wait for the episodes under way, cancel waiting ones, and close the drivers."""
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
         self._steps.close()
@@ -83,7 +86,7 @@ class LocalExecutor(Executor):
             driver.close()
 
     def last_words(self) -> tuple[tuple[str, str], ...]:
-        """Return (episode, what it printed at its end) of the first episodes that broke since this was asked last."""
+        """Return (episode, end of its output) of the first episodes that broke since the last call."""
         with self._lock:
             words, self._words = tuple(self._words), []
         return words
@@ -101,16 +104,16 @@ class LocalExecutor(Executor):
         self._idle.append(driver)
 
     def _drive(self, driver: Driver) -> Generator[None, None, None]:
-        """Drive what waits until nothing does; a step for every episode that has ended."""
+        """Drive waiting episodes until none waits; yield after each episode that has ended."""
         while (first := self._first()) is not None:
             taken: dict[str, Future[EpisodeResult]] = {}
             try:
                 yield from self._drive_first(driver, first, taken)
-            except Exception as error:  # `UsageError`, or stopped: whatever it is, nobody may wait for ever
+            except Exception as error:  # `UsageError`, `Stopped` or another: no future may stay open
                 self._fail(first.episode.agent, taken, error)
                 yield
             finally:
-                for future in taken.values():  # a test was interrupted, as by a timeout: later ones may drive it anew
+                for future in taken.values():  # a test was interrupted, as by a timeout: later tests may retry
                     future.cancel()
                 with self._lock:
                     self._batches = [batch for batch in self._batches if batch is not taken]
@@ -118,7 +121,7 @@ class LocalExecutor(Executor):
                         self._yielding = None
 
     def _first(self) -> EpisodeRequest | None:
-        """Return what is driven next: one that is driven alone, as no batch grows while it waits, else the oldest."""
+        """Return the next episode: one that is driven alone, because no batch grows while it waits, else the oldest."""
         waiting = tuple(self._waiting)
         alone = (request for request, future in waiting if future in self._singles)
         return next(alone, waiting[0][0] if waiting else None)
@@ -126,7 +129,10 @@ class LocalExecutor(Executor):
     def _drive_first(
         self, driver: Driver, first: EpisodeRequest, taken: dict[str, Future[EpisodeResult]]
     ) -> Generator[None, None, None]:
-        """Drive `first`, with others of its agent where it shares. `taken` are those without a result yet, by key."""
+        """Drive `first`, in a batch with other episodes of its agent if the agent shares batches.
+
+        Yields after each ended episode. `taken` holds the futures of the episodes without a result yet, by key.
+        """
         agent = first.episode.agent
         width = self._width if self.together(agent) > 1 else None
         if width is not None:
@@ -162,9 +168,9 @@ class LocalExecutor(Executor):
             yield
 
     def _yields(self, agent: str, taken: dict[str, Future[EpisodeResult]]) -> bool:
-        """Return whether a batch takes no more, as an episode that cannot join waits for its driver to be free.
+        """Return whether a batch takes no more episodes, because an episode that cannot join waits for a driver.
 
-        One batch at a time does: with all of them a single such episode would empty every driver.
+        Only one batch at a time yields: otherwise a single such episode would empty every driver.
         """
         first = self._first()
         if first is None or first.episode.agent == agent:
@@ -181,7 +187,7 @@ class LocalExecutor(Executor):
         return -(-unfinished // max(1, self._workers - alone))
 
     def _end(self, driver: Driver, future: Future[EpisodeResult], result: EpisodeResult | UsageError) -> None:
-        """Give somebody who waits a result; keep what a broken episode printed, for people."""
+        """Set the result of a future; keep the output of a broken episode for reports."""
         if isinstance(result, UsageError):
             future.set_exception(result)
             return
@@ -194,7 +200,7 @@ class LocalExecutor(Executor):
         future.set_result(result)
 
     def _fail(self, agent: str, taken: dict[str, Future[EpisodeResult]], error: Exception) -> None:
-        """End whatever is known of this agent without a result."""
+        """Set `error` on the taken futures and on all waiting episodes of this agent."""
         with self._lock:
             lost = [future for request, future in self._waiting if request.episode.agent == agent]
             self._waiting = [item for item in self._waiting if item[0].episode.agent != agent]

@@ -1,4 +1,4 @@
-"""From a requirement to the episodes that it needs, and in which order its routes are read."""
+"""Plans a requirement: which episodes its verdict needs, and in which order its routes are read."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from pytest_drive_robust.stats.judges import Judge, judge_by
 from pytest_drive_robust.verdict.requirement import Requirement
 
 _FIRST = 3
-"""How many episodes of an agent tell about what they cost: their lengths differ by a factor of three."""
+"""Episodes of an agent from which its driving time is estimated: their lengths differ by a factor of three."""
 
 
 @dataclass(frozen=True)
 class EpisodeRequest:
-    """An episode together with what is needed to drive it.
+    """An episode with everything that is needed to drive it.
 
-    `identity`: see `identity.identity_of`. It is empty where nobody looks for an earlier drive of the same.
+    `identity` is the digest of `identity.identity_of`, or `""` when no stored episode is looked for.
     """
 
     episode: Episode
@@ -35,17 +35,17 @@ class EpisodeRequest:
 
     @cached_property
     def key(self) -> str:
-        """Return the hex name of the episode in every store: two with the same key end the same, to the bit.
+        """The name of the episode in every store, as hex digits: two episodes with one key end the same, to the bit.
 
-        The content of the route counts because two route files may use the same id for different routes, and the
-        source of perturbations that are not ours because the sentence of a setting says only what they are called.
+        The key covers the content of the route, because two route files may use one id for different routes, and the
+        source of perturbations that are not ours, because the sentence of a setting holds only their names.
         """
         return digest_of(self.identity, self.episode, _content_of(self.route), perturbation_sources(self.setting))
 
 
 @dataclass(frozen=True)
 class Scope:
-    """What one test drives over: an agent, routes (`routes_spec` is the name of their set), seeds."""
+    """The agent, the routes and the seeds of one test. `routes_spec` is the name of the set of routes."""
 
     agent: str
     routes_spec: str
@@ -54,7 +54,7 @@ class Scope:
     identity: str = ""
 
     def need(self, setting: Setting, *, clean: bool) -> RouteRequests:
-        """Return the episodes of all routes under `setting` and, if `clean` is asked for, their clean twins.
+        """Return the episodes of all routes under `setting` and, with `clean`, their clean twins.
 
         The twins are driven under `setting.baseline`, which has the warm-up of `setting`: a baseline that may drive
         off earlier would make the setting look worse than it is.
@@ -62,7 +62,7 @@ class Scope:
         return RouteRequests(self._requests(setting.baseline) if clean else (), self._requests(setting))
 
     def plan(self, requirements: Iterable[Requirement]) -> dict[str, EpisodeRequest]:
-        """Return every episode that judging `requirements` takes, by key, each once, in the order of need."""
+        """Return every episode that judging `requirements` may need, by key, in the order of need."""
         return {
             request.key: request
             for requirement in requirements
@@ -70,7 +70,7 @@ class Scope:
         }
 
     def verdict_plan(self, requirement: Requirement, verdict_rule: VerdictRule | None) -> VerdictPlan:
-        """Return what a verdict on `requirement` by `verdict_rule` reads, in planned order; None compares values."""
+        """Return the plan of a verdict on `requirement` by `verdict_rule`; None compares the value over all routes."""
         need = self.need(requirement.setting, clean=requirement.needs_clean)
         verdict_rule = (verdict_rule or VerdictRule("point")).for_routes(len(self.routes))
         kind = verdict_rule.kind if requirement.reads_routes(verdict_rule) else "point"
@@ -78,11 +78,11 @@ class Scope:
 
     @property
     def named(self) -> dict[str, Any]:
-        """How events name the scope."""
+        """The fields by which events name the scope."""
         return {"agent": self.agent, "routes_spec": self.routes_spec, "seeds": self.seeds}
 
     def _requests(self, setting: Setting) -> tuple[EpisodeRequest, ...]:
-        """Return one request for each route and seed; seeds vary slowest: a picture of all routes comes early."""
+        """Return one request for each route and seed, all routes of one seed first: all routes are seen early."""
         sentence = str(setting)
         return tuple(
             EpisodeRequest(Episode(self.agent, route.id, sentence, seed), route, setting, self.identity)
@@ -93,7 +93,7 @@ class Scope:
 
 @dataclass(frozen=True, slots=True)
 class RouteRequests:
-    """Episodes under one setting with their clean twins (none when nothing is compared), of one route or of several."""
+    """The episodes of one or more routes under one setting, and their clean twins (empty when nothing is compared)."""
 
     clean: tuple[EpisodeRequest, ...]
     perturbed: tuple[EpisodeRequest, ...]
@@ -106,13 +106,13 @@ class RouteRequests:
 
     @property
     def requests(self) -> tuple[EpisodeRequest, ...]:
-        """Return all of them, the clean ones first, each once."""
+        """All requests, each once, the clean ones first."""
         return tuple({request.key: request for request in (*self.clean, *self.perturbed)}.values())
 
 
 @dataclass(frozen=True, slots=True)
 class VerdictPlan:
-    """What a verdict on `requirement` reads: all of `need`, in the order of `routes`, by a judge of this `kind`."""
+    """The episodes that a verdict on `requirement` reads: `need`, in the order of `routes`, by a judge of `kind`."""
 
     requirement: Requirement
     scope: Scope
@@ -131,28 +131,28 @@ class VerdictPlan:
 
     @property
     def likely_routes(self) -> int:
-        """Return how many routes the verdict probably takes, as far as one can tell before any was read."""
+        """The number of routes that the verdict probably reads, estimated before any route is read."""
         if self.kind == "point":
             return len(self.routes)
         return self.judge().likely_left(len(self.routes))
 
     def requests(self, first: int, last: int | None = None) -> tuple[EpisodeRequest, ...]:
-        """Return those of the routes from place `first` on, up to `last` where given, in the order of reading."""
+        """Return the requests of the routes from place `first` up to, not including, `last`, in reading order."""
         return tuple(request for route in self.routes[first:last] for request in route.requests)
 
     @property
     def likely(self) -> tuple[EpisodeRequest, ...]:
-        """Return what the verdict probably takes."""
+        """The requests that the verdict probably reads."""
         return self.requests(0, self.likely_routes)
 
 
 def keys_of(requests: Iterable[EpisodeRequest]) -> tuple[str, ...]:
-    """Return their keys, in their order."""
+    """Return the keys of `requests`, in their order."""
     return tuple(request.key for request in requests)
 
 
 def first_of_each_agent(verdict_plans: Iterable[VerdictPlan]) -> tuple[EpisodeRequest, ...]:
-    """Return the first episodes of each agent but the first one, which drives at once anyway."""
+    """Return the first episodes of every agent except the first agent, which is driven at once anyway."""
     verdict_plans = tuple(verdict_plans)
     agents = {plan.scope.agent: plan for plan in reversed(verdict_plans)}
     own = verdict_plans[0].scope.agent if verdict_plans else ""
@@ -160,10 +160,10 @@ def first_of_each_agent(verdict_plans: Iterable[VerdictPlan]) -> tuple[EpisodeRe
 
 
 def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, ...]:
-    """Return the routes of a need in planned order, which all requirements of a scope share.
+    """Return the routes of `need` in planned order. All requirements of a scope share one order.
 
-    What the route file is called and where it lies does not matter: `r.xml`, `./r.xml` and the absolute path read the
-    same routes first. A route more leaves most of the others where they are, and so their stored episodes in use.
+    The name and place of the route file do not matter: `r.xml`, `./r.xml` and the absolute path give the same order. An
+    added route leaves most other routes in their places, so that their stored episodes are still used.
     """
     ids = [route.id for route in scope.routes]
     types = [route.scenario.type for route in scope.routes]
@@ -173,14 +173,14 @@ def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, .
 
 
 def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_text: str) -> tuple[str, ...]:
-    """Return the routes shuffled by `seed_text`, spread so that every stretch holds its share of each scenario type.
+    """Return the routes shuffled by `seed_text`, with the scenario types spread evenly over the whole order.
 
-    A verdict may stop early only on a finished prefix of an order that was fixed before: whoever stops on what finished
-    first stops on the routes that are quick, and those are the ones that went well.
+    A verdict may stop early only on a prefix of an order that is fixed in advance. A verdict on the episodes that
+    finished first would read the quick routes, and quick routes are those that went well.
 
-    With equally many routes of each type these are blocks with one route of each, shuffled within and between;
-    otherwise a type with twice the routes comes twice as often from start to end. The same on every machine and
-    whatever the order of the arguments; another text, never the time, gives another order. Raises `ValueError` when a
+    With equally many routes of each type the order consists of blocks with one route of each type, shuffled within and
+    between blocks. Otherwise a type with twice the routes comes twice as often from start to end. The order is the same
+    on every machine and for any order of the arguments; only another `seed_text` changes it. Raises `ValueError` when a
     route has no type or comes twice.
     """
     if len(set(route_ids)) != len(route_ids):
@@ -197,16 +197,16 @@ def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_
 
 
 def _draw(*texts: str) -> float:
-    """Return a number in 0..1 named by texts: the same in every process, unlike `hash()`."""
+    """Return a number in 0..1 that depends only on `texts`: the same in every process, unlike `hash()`."""
     digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
     return int.from_bytes(digest[:6], "big") / 2.0**48
 
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}
-"""Digests of routes by the place of the object: a plan asks for the same few routes thousands of times."""
+"""Digests of routes by `id()` of the object: a plan needs the same few routes thousands of times."""
 
 
 def _content_of(route: Route) -> str:
     if id(route) not in _CONTENTS:
-        _CONTENTS[id(route)] = route, digest_of(route)  # the object is kept: no other gets its place
+        _CONTENTS[id(route)] = route, digest_of(route)  # keeping the object keeps its id unique
     return _CONTENTS[id(route)][1]

@@ -1,4 +1,4 @@
-"""Which episode is driven next: what a verdict waits for, then what it will ask for, then what later tests need."""
+"""Chooses the next episode: first what a verdict waits for, then what it will need, then what later tests need."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from pytest_drive_robust.store.claims import Claim
 from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started
 
 _POLL_S = 0.05
-"""How long to sleep at most: another process may have finished what we wait for, and the display wants to move."""
+"""Longest sleep in seconds: another process may finish an episode that we wait for, and the display must move."""
 
 
 class Observer(Protocol):
-    """Who follows the run: a progress display, or the journal that another process reads."""
+    """Follows the run: a progress display, or the journal that another process reads."""
 
     def __call__(self, event: Event) -> None:
-        """Note that something happened."""
+        """Note an event."""
 
     def ticked(self) -> None:
         """Note that an episode is still under way. Called often: return at once."""
 
     def idle(self) -> None:
-        """Note that nothing is under way any more, be it that all is done or that driving was interrupted."""
+        """Note that no episode is under way any more: all are done, or driving was interrupted."""
 
 
 class _Drive(NamedTuple):
@@ -44,10 +44,10 @@ class _Drive(NamedTuple):
 class Scheduler:
     """Keeps every slot of an executor busy with the episodes that are needed next, none of them twice.
 
-    An episode is claimed in the store before it begins and stored before the claim is given back: several processes
-    with one store share the work without knowing of each other. `budget_s`: so many seconds after the first episode was
-    missing nothing new is begun. `require_unchanged` raises `UsageError` for an agent that may be another one than when
-    its keys were made: what it drove is stored under none of them. Not for several threads.
+    An episode is claimed in the store before it begins, and stored before the claim is released: several processes
+    share one store and the work without knowing each other. `budget_s`: no episode begins later than this many seconds
+    after the first missing episode. `require_unchanged` raises `UsageError` for an agent that may have changed since
+    its keys were made; its results are not stored. A scheduler serves one thread.
     """
 
     def __init__(
@@ -76,11 +76,11 @@ class Scheduler:
         self._compiling = (0, 0)
 
     def plan(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Note what will be asked for one day, in this order. It is driven when nothing nearer is left for a slot."""
+        """Add episodes that later tests need, in this order. Free slots drive them when no nearer episode is left."""
         self._later.update((request.key, request) for request in requests if not self._is_finished(request))
 
     def spare(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Take these out of the plan."""
+        """Remove episodes from the plan."""
         for request in requests:
             self._later.pop(request.key, None)
 
@@ -90,12 +90,12 @@ class Scheduler:
         ahead: Iterable[EpisodeRequest] = (),
         rest: Iterable[EpisodeRequest] = (),
     ) -> None:
-        """Return when every one of `requests` is in the store.
+        """Drive the missing episodes of `requests`; return when all are in the store.
 
-        Free slots begin with `ahead`, the plan, then `rest`, unless kernels are compiled that the plan waits for.
+        Free slots drive `ahead`, then the plan, then `rest`. `rest` waits while kernels are compiled for the plan.
 
-        Raises `UsageError` when the agent or the simulator of one of them cannot be made, and `BudgetSpentError` when
-        one is missing and nothing new may begin.
+        Raises `UsageError` when the agent or the simulator of a request cannot be made, and `BudgetSpentError` when an
+        episode is missing and the budget allows no new one.
         """
         nearer, farther = deque(ahead), deque(rest)
         missing = [request for request in requests if not self._is_finished(request)]
@@ -114,7 +114,7 @@ class Scheduler:
                 self._begin_all(deque(self._later.values()))
                 drives, later = self._executor.drives, self._later.values()
                 if not self._busy and all(drives(request.episode.agent) for request in later):
-                    self._begin_all(farther)  # else it keeps the compiler from its work
+                    self._begin_all(farther)  # else `rest` would slow the compiler down
             elif not any(request.key in self._under_way for request in missing):
                 raise BudgetSpentError(
                     f"the budget of {self._budget_s:g} s is used up and {len(missing)} of the next {len(requests)} "
@@ -123,7 +123,7 @@ class Scheduler:
             self._wait()
 
     def assist(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Let free slots begin with `requests`, which nobody here asks for, in their order; return soon.
+        """Let free slots begin `requests`, which another process needs, in their order; return soon.
 
         To be called again and again. Raises `UsageError` when no process for an episode can be made at all.
         """
@@ -136,7 +136,7 @@ class Scheduler:
         self._wait()
 
     def collect(self) -> None:
-        """Store what has come to an end since: other processes may wait for it. Returns at once."""
+        """Store the episodes that have ended, because other processes may wait for them; return at once."""
         for key, (request, future, claim) in tuple(self._under_way.items()):
             if not future.done():
                 continue
@@ -151,7 +151,7 @@ class Scheduler:
                 self._seen.add(key)
             finally:
                 claim.release()
-                del self._under_way[key]  # not before: who interrupts us leaves it to the next call, or to close()
+                del self._under_way[key]  # last: after an interrupt the next call, or close(), repeats this
             self._note_duration(request, future.result().wall_s)
             self._observer(Finished(key, future.result().wall_s))
 
@@ -160,7 +160,7 @@ class Scheduler:
         return self._longest_s.get((request.episode.agent, request.route.id), 0.0)
 
     def close(self) -> None:
-        """Cut off what is under way, give back what was claimed, free the executor."""
+        """Cut off the episodes under way, release their claims, and close the executor."""
         self.collect()
         self._executor.close()
         for drive in self._under_way.values():
@@ -182,7 +182,7 @@ class Scheduler:
         return len(self._under_way) >= self._executor.slots
 
     def _is_spent(self) -> bool:
-        """Return whether the budget is used up; it begins when this is asked first."""
+        """Return whether the budget is used up. The budget starts with the first call."""
         if self._ends_s is None and self._budget_s is not None:
             self._ends_s = self._clock() + self._budget_s
         return self._ends_s is not None and self._clock() >= self._ends_s
@@ -200,12 +200,12 @@ class Scheduler:
         return True
 
     def _has_come(self, request: EpisodeRequest) -> bool:
-        """Return whether an episode is finished that was not. The disk is looked at for what others drive only."""
+        """Return whether a missing episode is finished now. Reads the disk only for an episode of another process."""
         return request.key in self._seen or (request.key in self._elsewhere and self._is_finished(request))
 
     def _begin_all(self, requests: deque[EpisodeRequest]) -> None:
-        """Begin with `requests` while a slot is free. What is left stays, also what others drive at the moment."""
-        passed: list[EpisodeRequest] = []  # looked at again: who drives them may be gone then
+        """Begin `requests` while a slot is free. Requests that did not begin stay in the queue."""
+        passed: list[EpisodeRequest] = []  # tried again later: the process that drives them may be gone then
         while requests and not self._busy:
             nearest = requests.popleft()
             if not self._begin(nearest):
@@ -213,9 +213,9 @@ class Scheduler:
         requests.extendleft(reversed(passed))
 
     def _begin(self, request: EpisodeRequest) -> bool:
-        """Begin this episode where a slot is free and nobody has it.
+        """Begin an episode if a slot is free and no process drives it.
 
-        Return False when another process drives it, or the executor cannot yet.
+        Returns False when another process drives the episode, or when the executor cannot drive its agent yet.
         """
         key = request.key
         if self._busy or key in self._under_way or key in self._seen or key in self._broken:
@@ -226,7 +226,7 @@ class Scheduler:
         if claim is None:
             self._elsewhere.add(key)
             return False
-        try:  # from here on, whatever raises: a claim that stays would be waited for to the end of this process
+        try:  # release the claim after any error: others would wait for it as long as this process lives
             self._later.pop(key, None)
             if self._store.get(key) is not None:  # finished since we looked
                 claim.release()
@@ -234,7 +234,7 @@ class Scheduler:
                 return True
             agent, setting = request.episode.agent, request.episode.setting
             self._observer(Started(key, agent, setting, request.route.label, self._executor.together(agent)))
-            self._tell_compiling()  # before an executor drives, and compiles, in this thread
+            self._tell_compiling()  # before an inline executor compiles and drives in this thread
             self._under_way[key] = _Drive(request, self._executor.submit(request), claim)
         except BaseException:
             claim.release()
@@ -242,7 +242,7 @@ class Scheduler:
         return True
 
     def _wait(self) -> None:
-        """Wait until something ended, but not long."""
+        """Wait until an episode ends, for a short time at most."""
         if self._under_way and self._executor.work is not None:
             self._executor.work()
         elif self._under_way:
@@ -254,7 +254,7 @@ class Scheduler:
         self._observer.ticked()
 
     def _tell_compiling(self) -> None:
-        """Tell how far the executor has come with compiling, and let it be shown at once, where that changed."""
+        """Send the executor's progress in compiling to the observer when it changed, and show it at once."""
         compiling = self._executor.compiling
         if compiling != self._compiling:
             self._compiling = compiling

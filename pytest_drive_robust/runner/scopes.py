@@ -30,15 +30,15 @@ _States = tuple[tuple[str, int, int], ...]
 
 
 def simulator_options(options: RunOptions) -> SimulatorOptions:
-    """Return what the world of a run is made with."""
+    """Return the options that the world of a run is made with."""
     return SimulatorOptions(stuck_stop_s=options.stuck_stop_s)
 
 
 def check_severities(setting: Setting, dt_s: float) -> None:
     """Raise `PerturbationError` for a severity that a tick of `dt_s` seconds cannot show.
 
-    The route and the cameras are not known yet, so a `reset` that needs them may raise anything here. That is passed
-    over: should it raise in an episode, which has both, the episode reports it.
+    The route and the cameras are not known yet, so a `reset` that needs them may raise anything here. Such an error is
+    ignored: an episode has both, and reports the error if `reset` raises there.
     """
     for perturbation in setting.perturbations:
         try:
@@ -50,12 +50,12 @@ def check_severities(setting: Setting, dt_s: float) -> None:
 
 
 def _states_of_weights(factory: object) -> _States:
-    """Return what changes when one of the files is written that a factory calls `weights`: name, time and size."""
+    """Return (name, time of change in ns, size in bytes) of each file that a factory names in `weights`."""
     named: Any = getattr(factory, "weights", None)
     several = named if isinstance(named, (list, tuple)) else (named,)
     states = []
     for path in several:
-        with suppress(OSError, TypeError, ValueError):  # whoever reads it says so
+        with suppress(OSError, TypeError, ValueError):  # the code that reads the file reports it
             for name, file in files_of(path):
                 found = os.stat(file)
                 states.append((name, found.st_mtime_ns, found.st_size))
@@ -65,8 +65,8 @@ def _states_of_weights(factory: object) -> _States:
 class Scopes:
     """Resolves names to scopes, each name once. `load_routes` turns a routes spec into routes.
 
-    `lockstep`: agents that offer `act_batch` are driven in lockstep, which is a part of what identifies an episode.
-    `is_stored` tells whether the episode of a key was driven before: its route need not be checked again.
+    With `lockstep`, agents that offer `act_batch` are driven in lockstep, which is part of an episode's identity.
+    `is_stored` returns whether the episode of a key is stored: its route need not be checked again.
     """
 
     def __init__(
@@ -89,7 +89,7 @@ class Scopes:
         self._weights: dict[str, _States] = {}  # states of their files, by agent
         self._sources: dict[str, str] = {}  # digests of their code, by agent
         self._began_s = time.time()
-        self._folder = os.getcwd()  # a test may go elsewhere, and an agent may name its weights from here
+        self._folder = os.getcwd()  # paths of weights may start here, and a test may change the folder
 
     def routes(self, spec: str) -> tuple[Route, ...]:
         """Return the routes of a spec. Raises `UsageError` when there is no such set or file."""
@@ -113,9 +113,9 @@ class Scopes:
         return scope
 
     def require_unchanged(self, agent: str) -> None:
-        """Raise `UsageError` where the weights of an agent are others than when its keys were made.
+        """Raise `UsageError` when the weights of an agent have changed since its keys were made.
 
-        Episodes of the one would be taken, or kept, for those of the other.
+        Otherwise episodes of the new weights would be stored under, or read by, the keys of the old weights.
         """
         if agent not in self._identities:
             return
@@ -128,13 +128,13 @@ class Scopes:
                 "were looked for by their content. Let them be written before pytest starts, or as its conftest.py is "
                 "loaded, and by nobody while it runs."
             )
-        self._weights[agent] = states  # only written once more
+        self._weights[agent] = states  # rewritten with the same content
 
     def require_unchanged_code(self) -> None:
         """Raise `UsageError` where a Python file of an agent was edited after its keys were made.
 
-        To be asked when processes have loaded it: what is edited afterwards is not what they drive. What else lies in
-        its package, an agent may write itself.
+        Call after the worker processes have loaded the code: later edits do not change what they drive. Other files of
+        the agent's package do not count, because an agent may write them itself.
         """
         for agent, digest in tuple(self._sources.items()):
             factory = self._factory(agent)
@@ -149,7 +149,7 @@ class Scopes:
                 )
 
     def identify(self, scope: Scope) -> Identified:
-        """Return what its agent and its routes are made of. Raises `UsageError` for weights that do not read."""
+        """Return the digests of a scope's agent and routes. Raises `UsageError` for weights that cannot be read."""
         identified = identify(scope, self._registry)
         self._sources[scope.agent] = identified.source
         return identified
@@ -157,8 +157,8 @@ class Scopes:
     def check(self, marked: MarkerOptions | None = None) -> None:
         """Raise `UsageError` when the run's own agent, simulator or routes cannot be used.
 
-        What nobody asks for need not be there: where the run names no agent, or no routes, and every test does by its
-        marker, those of `marked` stand for them.
+        When the run names no agent, or no routes, but every test's marker does, those of `marked` are checked instead:
+        the defaults of the run are not used then and may be missing.
         """
         options, marked = self._options, marked or MarkerOptions()
         self._registry.require("simulators", options.simulator)
@@ -167,7 +167,7 @@ class Scopes:
         self.of(MarkerOptions(agent=agent, routes=routes))
 
     def setting(self, sentence: str) -> Setting:
-        """Return the setting that is called so. Raises `UsageError`."""
+        """Return the setting of a sentence. Raises `UsageError` for a sentence that does not parse."""
         return Setting.parse(sentence, self._registry.perturbations())
 
     def check_setting(self, setting: Setting) -> None:
@@ -175,15 +175,15 @@ class Scopes:
         check_severities(setting, self.dt_s)
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Raise `UsageError` when an episode of the plan cannot be had. What can be driven can be had."""
+        """Raise `UsageError` when an episode of the plan cannot be provided. Our simulators can drive every episode."""
 
     def advice(self) -> list[str]:
-        """Return what people should know about the scopes that were made before anything is driven; sentences."""
+        """Return sentences of advice about the scopes, to show before driving."""
         return []
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Return every agent that a scope was made for, sorted."""
+        """The agents that scopes were made for, sorted."""
         return tuple(sorted(self._identities))
 
     @property
@@ -192,17 +192,17 @@ class Scopes:
         return self._simulator.dt_s
 
     def versions_of(self, agent: str) -> Mapping[str, str]:
-        """Return the versions that episodes of the agent will tell, as far as they are known before any is driven."""
+        """Return the versions that the agent's episodes will record, as far as they are known before driving."""
         libraries = library_versions(self._registry.entry("agents", agent).load())
         return {**libraries, **{str(name): str(version) for name, version in self._simulator.versions().items()}}
 
     def _identity(self, agent: str) -> str:
-        """Raise `UsageError` for an unknown agent, and for what its factory knows to be wrong before it makes one."""
+        """Return the identity of an agent. Raises `UsageError` for an unknown agent, and when its `check` fails."""
         if agent not in self._identities:
             self._registry.require("agents", agent)
             with in_folder(self._folder):
                 check_factory(agent, self._factory(agent))
-                self._weights[agent] = _states_of_weights(self._factory(agent))  # before they are read
+                self._weights[agent] = _states_of_weights(self._factory(agent))  # before the identity reads the files
                 self._identities[agent] = self._made_identity(agent)
         return self._identities[agent]
 
@@ -242,6 +242,6 @@ class Scopes:
 
     @cached_property
     def _simulator(self) -> Simulator:
-        """Return a world that is asked and never driven."""
+        """A world that answers questions and is never driven."""
         self._registry.require("simulators", self._options.simulator)
         return self._registry.simulator(self._options.simulator, simulator_options(self._options))

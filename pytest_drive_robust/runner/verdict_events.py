@@ -1,4 +1,4 @@
-"""The events of a requirement: what it asks for, its verdict, what a search found."""
+"""Makes the events of a requirement: its needed episodes, its verdict, the result of a search."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pytest_drive_robust.verdict.requirement import Requirement
 
 
 def episodes_needed(scope: Scope, setting: Setting, need: RouteRequests) -> tuple[EpisodesNeeded, ...]:
-    """Return what is asked for: the setting, and its clean twins as a setting of their own."""
+    """Return the events for the needed episodes: first the clean twins, if any, then the episodes under `setting`."""
     clean, own = keys_of(need.clean), keys_of(need.perturbed)
     twins = () if clean == own else clean
     baseline = (EpisodesNeeded(**scope.named, setting=str(setting.baseline), keys=twins),) if twins else ()
@@ -21,7 +21,7 @@ def episodes_needed(scope: Scope, setting: Setting, need: RouteRequests) -> tupl
 
 
 def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
-    """Return what a selected test will read."""
+    """Return the event that says which episodes a verdict will read."""
     setting, ordered = plan.requirement.setting, RouteRequests.joined(plan.routes)
     return VerdictPlanned(
         **plan.scope.named,
@@ -36,7 +36,7 @@ def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
 
 
 def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
-    """Return the verdict of the test `nodeid`."""
+    """Return the event of a verdict in the test `nodeid`."""
     why_open = verdict.reason if verdict.decision == "inconclusive" else ""
     return replace(
         not_judged(verdict.requirement, scope, nodeid, why_open),
@@ -54,7 +54,7 @@ def judged(verdict: Verdict, scope: Scope, nodeid: str) -> Judged:
 
 
 def not_judged(requirement: Requirement, scope: Scope, nodeid: str, why: str) -> Judged:
-    """Return the error that takes the place of a verdict."""
+    """Return the event of an error in place of a verdict; `why` is its message."""
     return Judged(
         **scope.named,
         nodeid=nodeid,
@@ -69,7 +69,7 @@ def not_judged(requirement: Requirement, scope: Scope, nodeid: str, why: str) ->
 
 
 def searched(bracket: Bracket, scope: Scope, nodeid: str) -> Searched:
-    """Return the severities between which a requirement stops to hold."""
+    """Return the event of a search: the severities between which a requirement stops holding."""
     return Searched(
         **scope.named,
         nodeid=nodeid,

@@ -1,11 +1,12 @@
-"""The process between pytest and a Ray cluster: the only one of ours that imports Ray next to Ray's own workers.
+"""The process between pytest and a Ray cluster: beside Ray's own workers, only this process of ours imports Ray.
 
-Ray replaces signal handlers, writes to the terminal and ends the process that uses it when its cluster is lost. None of
-that may happen to pytest. When this process ends, every running episode is cancelled, a cluster of our own taken down.
+Ray replaces signal handlers, writes to the terminal, and ends its process when the cluster is lost; pytest must be safe
+from that. When this process ends, every running episode is cancelled, and a cluster of our own is shut down.
 
-It hears through its standard input: the arguments of `ray.init`, then `(number, needs, ClusterRequest)` per episode,
-None as the last. It says `(number, what drive_on_node returned)`, and with None as the number what the nodes have, or
-why there is no cluster. All that is pickled: no agent runs in the processes that write it.
+The process reads messages from its standard input: the arguments of `ray.init`, then `(number, needs, ClusterRequest)`
+for each episode, and None at the end. The process writes `(number, result of drive_on_node)` for each episode, and
+`(None, content)`, where content is the cores and GPUs of each node, or the reason why there is no cluster. All messages
+are pickled: no agent runs in the processes that write them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ _POLL_S = 1.0
 _CONNECT_S = 10.0
 _LOST_NODES = 2
 _HEAD_S = "15"
-"""Seconds without the head of the cluster after which Ray ends its client, as text; 60 where it is not told."""
+"""Seconds without the head of the cluster after which Ray ends its client, as text. Ray's default is 60."""
 _SHUTDOWN_S = 10.0
 _LAST_MESSAGES_S = 1.0
 _MOST_TEXT = 600
@@ -48,14 +49,17 @@ class _Driver:
         self._nodes: tuple[tuple[float, float], ...] = ()
 
     def connect(self) -> bool:
-        """Connect to the cluster that we are told and tell about it, or why not."""
+        """Connect to the cluster that the first message names; send its nodes, or the reason why that failed.
+
+        Returns False when there is no cluster to use.
+        """
         cluster = self._hear()
         if cluster is None:
             return False
         try:
             _require_listener(cluster["address"])
             os.environ.setdefault("RAY_gcs_rpc_server_reconnect_timeout_s", _HEAD_S)
-            os.environ.setdefault("RAY_task_oom_retries", str(_LOST_NODES))  # without it an episode is tried for ever
+            os.environ.setdefault("RAY_task_oom_retries", str(_LOST_NODES))  # Ray's default retries for ever
             import ray
 
             ray.init(log_to_driver=False, logging_level=logging.ERROR, **cluster)
@@ -67,7 +71,7 @@ class _Driver:
         return True
 
     def serve(self) -> None:
-        """Hand episodes to Ray until the other side has no more, or is gone."""
+        """Hand episodes to Ray until the executor sends None or is gone."""
         while True:
             if not self._connection.poll(_POLL_S):
                 self._update()
@@ -78,14 +82,14 @@ class _Driver:
             self._begin(*asked)
 
     def close(self) -> None:
-        """Kill what is under way and leave the cluster."""
+        """Cancel the running episodes and leave the cluster."""
         running, self._running = self._running, {}
         for ref, *_ in running.values():
             self._ray.cancel(ref, force=True)
         self._ray.shutdown()
 
     def _update(self) -> None:
-        """Tell about nodes that came or went; give up what no node can drive any more."""
+        """Send the nodes when some came or went; give up episodes that no node can drive any more."""
         alive = [node["Resources"] for node in self._ray.nodes() if node["Alive"]]
         nodes = tuple((node.get("CPU", 0.0), node.get("GPU", 0.0)) for node in alive)
         if nodes != self._nodes:
@@ -116,7 +120,7 @@ class _Driver:
             self._end(number, ref, UsageError(f"the nodes of the cluster cannot run our code: {last_line} {_INSTALL}"))
         else:
             self._end(number, ref, asked.lost(f"{type(error).__name__}: {_brief(error)}"))
-        if type(error).__name__ == "LocalRayletDiedError":  # the node that we are on: nothing works from here on
+        if type(error).__name__ == "LocalRayletDiedError":  # our own node is lost: nothing works from now on
             _kill_own_group(_LAST_MESSAGES_S)
 
     def _end(self, number: int, ref: Any, result: EpisodeResult | UsageError) -> None:
@@ -131,7 +135,7 @@ class _Driver:
             return None
 
     def _say(self, number: int | None, content: object) -> None:
-        with self._saying, suppress(OSError):  # nobody listens: our input ends in this moment, too
+        with self._saying, suppress(OSError):  # the executor is gone: our input ends, too
             self._connection.send((number, content))
 
     def _fits(self, needs: tuple[float, float]) -> bool:
@@ -142,7 +146,7 @@ def main() -> None:
     """Serve the process that started this one."""
     connection = Connection(os.dup(0))
     with open(os.devnull) as nothing:
-        os.dup2(nothing.fileno(), 0)  # nobody below us keeps the connection open
+        os.dup2(nothing.fileno(), 0)  # so that no sub-process keeps the connection open
     driver = _Driver(connection)
     if not driver.connect():
         return
@@ -154,7 +158,7 @@ def main() -> None:
 
 
 def _kill_own_group(after_s: float) -> None:
-    """Kill our own process group after a while: Ray waits a minute for a cluster that is gone."""
+    """Kill our own process group after `after_s` seconds: Ray waits a minute for a lost cluster."""
     timer = threading.Timer(after_s, os.killpg, (os.getpgrp(), signal.SIGKILL))
     timer.daemon = True
     timer.start()
@@ -168,13 +172,13 @@ def _require_listener(address: str) -> None:
 
 
 def _is_setup(error: BaseException) -> bool:
-    """Tell whether the request could not even begin, on any node."""
+    """Return whether no node can run our code: an import or the runtime environment failed."""
     unable = isinstance(getattr(error, "cause", None), ImportError) or "failed to import" in str(error)
     return unable or type(error).__name__ == "RuntimeEnvSetupError"
 
 
 def _brief(error: BaseException) -> str:
-    """Return what an error of Ray says, without its tracebacks and advice about log files."""
+    """Return the text of a Ray error, without tracebacks and advice about log files."""
     cause = getattr(error, "cause", None)
     text = str(cause if isinstance(cause, BaseException) else error).strip() or type(error).__name__
     return " ".join(text.split())[:_MOST_TEXT].rstrip(".")

@@ -32,29 +32,29 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 _LOCAL = "local"
 """The address of a cluster of our own on this machine, which ends with the run."""
 _SAID_BYTES = 2_000
-"""Of what the driver printed at its end."""
+"""How much of the driver's last output is read."""
 _SHUTDOWN_S = 15.0
 _OBJECT_STORE_BYTES = 100 << 20
 _EXCLUDED = (
     ".git", ".drive-robust", ".venv", "venv", ".tox", ".nox", ".mypy_cache", ".pytest_cache", ".ruff_cache",
     ".hypothesis", "__pycache__", "*.py[co]", "*.nb[ci]",
 )  # fmt: skip
-"""What is not copied with the folder of the run."""
+"""Patterns of files that are not copied with the folder of the run."""
 
 
 class RayExecutor(Executor):
     """Drives as many episodes at a time as the cluster has room for.
 
     `address` is `"local"`, `"auto"` (the cluster that this machine belongs to), `"host:port"` or `"ray://host:port"`;
-    None means the variable `RAY_ADDRESS`, or a cluster of our own. `slots` bounds the number of episodes; for a cluster
-    of our own it is the number of cores. The classes or functions that make agents may say what an episode takes, as
-    attributes `num_cpus` (1 when they do not) and `num_gpus` (0).
+    None means the variable `RAY_ADDRESS`, else our own cluster. `slots` is the largest number of episodes at a time;
+    for our own cluster, `slots` is also the number of cores. An agent's class or factory may have the attributes
+    `num_cpus` (default 1) and `num_gpus` (default 0): the resources that an episode takes.
 
-    The folder of the run is copied to the nodes of a cluster. What lies elsewhere must be installed there in the same
-    version; the process that drives checks that. An episode that was lost with its node is driven again, twice at most,
-    and is an `infra_error` after that. Nothing is started, and `worker_setup` not called, before the first episode. The
-    process that speaks with Ray is another one (`ray.driver`): when it ends unasked, what is under way is lost, and
-    every later episode refused. Raises `UsageError` when Ray is not installed.
+    The folder of the run is copied to the nodes of a cluster. Code outside that folder must be installed on the nodes
+    in the same version; the process that drives checks that. An episode that is lost with its node is driven again,
+    twice at most, and is then an `infra_error`. No process is started, and `worker_setup` is not called, before the
+    first episode. A separate process (`ray.driver`) speaks with Ray: when that process ends by itself, the episodes
+    under way are lost, and every later episode is refused. Raises `UsageError` when Ray is not installed.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class RayExecutor(Executor):
         self._most = slots
         self._registry = default_registry() if registry is None else registry
         self._latest: tuple[float, float] = (1.0, 0.0)
-        self._nodes: tuple[tuple[float, float], ...] = ()  # cores and GPUs of each
+        self._nodes: tuple[tuple[float, float], ...] = ()  # (cores, GPUs) of each node
         self._numbers = itertools.count()
         self._pending: dict[int, tuple[ClusterRequest, Future[EpisodeResult]]] = {}
         self._lock = threading.Lock()
@@ -87,13 +87,13 @@ class RayExecutor(Executor):
 
     @property
     def slots(self) -> int:
-        """How many episodes like the last one fit on the cluster at this moment; before it is there, one."""
+        """How many episodes like the latest one fit on the cluster now; 1 before the cluster is connected."""
         cores, gpus = self._latest
         room = sum(int(min(node[0] / cores, node[1] / gpus if gpus else node[0] / cores)) for node in self._nodes)
         return max(1, room if self._most is None else min(room, self._most))
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
-        """Hand an episode to the cluster. Raises `UsageError` for an agent that asks for no number of cores."""
+        """Hand an episode to the cluster. Raises `UsageError` for a bad `num_cpus` or `num_gpus` of the agent."""
         agent = request.episode.agent
         self._latest = needs_of(self._registry.entry("agents", agent).load(), agent)
         if self._setup is None:
@@ -101,7 +101,7 @@ class RayExecutor(Executor):
             self._start(self._cluster(self._setup.folder))
         asked = ClusterRequest(self._setup, self._limits, WorkerRequest.of(request), self._address != _LOCAL)
         future: Future[EpisodeResult] = Future()
-        number = next(self._numbers)  # never one twice: the answer of an episode that was given up may come late
+        number = next(self._numbers)  # never reused: the answer of a given-up episode may come late
         with self._lock:
             self._pending[number] = asked, future
         self._write((number, self._latest, asked))
@@ -110,7 +110,7 @@ class RayExecutor(Executor):
         return future
 
     def close(self) -> None:
-        """Leave the cluster; what is under way there is killed."""
+        """Leave the cluster; episodes under way there are killed."""
         if self._setup is None or self._closing:
             return
         self._closing = True
@@ -118,7 +118,7 @@ class RayExecutor(Executor):
         try:
             self._process.wait(_SHUTDOWN_S)
         except subprocess.TimeoutExpired:
-            with suppress(OSError):  # what Ray started below it ends, too
+            with suppress(OSError):  # the group, to end Ray's processes, too
                 os.killpg(self._process.pid, signal.SIGKILL)
             self._process.wait()
         self._reader.join()
@@ -126,7 +126,7 @@ class RayExecutor(Executor):
         self._log.close()
 
     def _cluster(self, folder: str) -> Mapping[str, object]:
-        """Return the arguments of `ray.init`. The folder of the run is copied to another cluster."""
+        """Return the arguments of `ray.init`. Ray copies the folder of the run to any cluster but our own."""
         if self._address == _LOCAL:
             own = {"num_cpus": self._most or available_cores(), "object_store_memory": _OBJECT_STORE_BYTES}
             return {"address": _LOCAL, "include_dashboard": False, **own}
@@ -136,7 +136,7 @@ class RayExecutor(Executor):
 
     def _start(self, cluster: Mapping[str, object]) -> None:
         self._log = tempfile.TemporaryFile()  # noqa: SIM115 - lives as long as the process that writes it
-        path = (str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", ""))  # this package is found as it is here
+        path = (str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", ""))  # lets the driver find this package
         path_and_silence = {"PYTHONPATH": os.pathsep.join(filter(None, path)), "RAY_USAGE_STATS_ENABLED": "0"}
         self._connection, theirs = Pipe()
         with theirs:
@@ -145,7 +145,7 @@ class RayExecutor(Executor):
                 stdin=theirs.fileno(),
                 stdout=self._log,
                 stderr=self._log,
-                start_new_session=True,  # Ctrl-C is for us: we tell the process to end
+                start_new_session=True,  # keeps Ctrl-C away: `close` ends the process
                 env={**os.environ, **path_and_silence},
             )
         self._write(cluster)
@@ -153,11 +153,11 @@ class RayExecutor(Executor):
         self._reader.start()
 
     def _write(self, message: object) -> None:
-        with suppress(OSError):  # it ended: the reader says so to everybody who waits
+        with suppress(OSError):  # the driver ended: `_read_all` answers for it
             self._connection.send(message)
 
     def _read_all(self) -> None:
-        """Take what the driver says (see `ray.driver`) until it ends, and answer for it then."""
+        """Read the messages of the driver (see `ray.driver`) until its end; then end every pending episode."""
         with suppress(OSError, EOFError):
             while True:
                 number, content = self._connection.recv()
@@ -175,7 +175,7 @@ class RayExecutor(Executor):
         self._give_up()
 
     def _give_up(self, said: str = "") -> None:
-        """Answer for a process that ended."""
+        """End every pending episode: by `Stopped` after `close`, else by the refusal, else as lost, with `said`."""
         with self._lock:
             pending, self._pending = self._pending, {}
         for asked, future in pending.values():
@@ -185,7 +185,7 @@ class RayExecutor(Executor):
                 _settle(future, self._refused or asked.lost(said))
 
     def _said(self) -> str:
-        """Return the last words of the process."""
+        """Return the last 60 words that the driver process printed."""
         self._log.seek(max(0, self._log.seek(0, os.SEEK_END) - _SAID_BYTES))
         return " ".join(self._log.read().decode(errors="replace").split()[-60:])
 
@@ -211,7 +211,10 @@ def _no_cluster(address: str, problem: str) -> UsageError:
 
 
 def needs_of(factory: object, agent: str) -> tuple[float, float]:
-    """Return the cores and GPUs that an episode of this agent takes. Raises `UsageError` for what is no such number."""
+    """Return the cores and GPUs that an episode of this agent takes.
+
+    Raises `UsageError` unless `num_cpus` is a number > 0 and `num_gpus` a number >= 0.
+    """
     cores, gpus = getattr(factory, "num_cpus", 1), getattr(factory, "num_gpus", 0)
     for name, given, least in (("num_cpus", cores, "> 0"), ("num_gpus", gpus, ">= 0")):
         is_number = isinstance(given, (int, float)) and not isinstance(given, bool) and math.isfinite(given)

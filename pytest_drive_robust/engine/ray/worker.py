@@ -1,7 +1,7 @@
 """What runs on the nodes of a Ray cluster: a supervisor in each of Ray's worker processes.
 
-A fault of the agent ends a process below the supervisor and is data by the time that Ray could see it. So whatever Ray
-itself notices is the loss of a node or of its own worker, and worth another attempt.
+A fault of the agent ends a process below the supervisor and reaches Ray as a normal result. So an error that Ray itself
+reports is the loss of a node or of Ray's own worker, and worth another attempt.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result
 
 @dataclass(frozen=True, slots=True)
 class ClusterRequest:
-    """One episode, perhaps for another machine. `is_copied`: Ray copied the folder of the run to the node."""
+    """One episode for a node of the cluster. `is_copied` says that Ray copied the folder of the run to the node."""
 
     worker_setup: WorkerSetup
     limits: Limits
@@ -39,15 +39,15 @@ class ClusterRequest:
 
 
 _supervisors: dict[tuple[WorkerSetup, Limits, str | None], tuple[ForkServer, Supervisor]] = {}
-"""Of this process, at most one: for one setup and one set of devices."""
+"""The supervisor of this process, at most one, by setup, limits and visible devices."""
 
 
 def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
-    """Return what came of an episode, or why it cannot be driven. A task of Ray's."""
+    """Return the result of an episode, or the error why the episode cannot be driven. Runs as a Ray task."""
     place = asked.worker_setup, asked.limits, os.environ.get("CUDA_VISIBLE_DEVICES")
     try:
         if place not in _supervisors:
-            while _supervisors:  # Ray gave this process other devices: children that saw the old ones are of no use
+            while _supervisors:  # Ray changed this process's devices: workers that saw the old ones are useless
                 fork_server, supervisor = _supervisors.popitem()[1]
                 supervisor.close()
                 fork_server.close()
@@ -59,9 +59,9 @@ def drive_on_node(asked: ClusterRequest) -> EpisodeResult | UsageError:
 
 
 def setup_on_node(setup: WorkerSetup) -> WorkerSetup:
-    """Return the setup with its paths as they are on this node, where a copy of its folder is the current one.
+    """Return the setup with the paths of this node, whose current folder is a copy of the setup's folder.
 
-    What lies elsewhere is installed here as there, or else its import or the check of identities says what is missing.
+    Code outside that folder must be installed on this node; otherwise its import or the check of identities fails.
     """
     home = Path(setup.folder).resolve()
 

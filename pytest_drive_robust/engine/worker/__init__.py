@@ -1,1 +1,1 @@
-"""What runs in a worker process and in the fork server that it comes from."""
+"""Code that runs in a worker process and in the fork server."""

@@ -1,7 +1,7 @@
-"""In the fork server's process: load everything that driving takes, drive nothing, and fork workers that do.
+"""Runs in the fork server: loads everything that driving needs, drives nothing itself, and forks the workers.
 
-It has one thread and its own session, so that forking is safe and no Ctrl-C reaches it. It ends with the process that
-started it, and takes every worker with it.
+The fork server has one thread and its own session, so that forking is safe and no Ctrl-C arrives. The fork server ends
+with the process that started it, and all workers end with the fork server.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ if TYPE_CHECKING:
 _LARGEST_MESSAGE_BYTES = 1 << 16
 _MOST_DESCRIPTORS = 8
 _POLL_S = 0.02
-"""How often to look for workers that ended."""
+"""Seconds between two looks for ended workers."""
 _ENDING_S = 2.0
 
 
 def serve_forks(control: int, parent: int) -> NoReturn:
     """Serve the socket `control` until its other end or the process `parent` is gone. The setup is at stdin."""
     setup: WorkerSetup = pickle.load(sys.stdin.buffer)
-    if sys.platform == "linux":  # elsewhere it takes a thread
-        die_with_parent(parent)  # what is imported may take long, or hang
+    if sys.platform == "linux":  # on other systems that starts a thread
+        die_with_parent(parent)  # an import may take long, or hang
     with socket.socket(fileno=control) as channel:
         try:
             registry, compilation = _loaded(setup, lambda done, total: _say(channel, {"compiling": [done, total]}))
@@ -66,7 +66,10 @@ def serve_forks(control: int, parent: int) -> NoReturn:
 
 
 def serve_in_new_python(*numbers: int) -> NoReturn:
-    """Serve as a worker that was not forked, by descriptors, of a parent. Stdin has the `WorkerSetup` and `Limits`."""
+    """Serve as a worker in a new Python. Read `WorkerSetup` and `Limits` from stdin.
+
+    `numbers` are the descriptors that the worker inherits, then the process id of the fork server.
+    """
     setup, limits = pickle.load(sys.stdin.buffer)
     *inherited, parent = numbers
     _be_worker_of(parent)
@@ -77,7 +80,7 @@ def serve_in_new_python(*numbers: int) -> NoReturn:
 
 
 class _Server:
-    """Starts workers on request, and tells of each when it began and how it ended."""
+    """Starts workers on request, and reports the process id and the exit status of each."""
 
     def __init__(
         self, control: socket.socket, worker_setup: WorkerSetup, registry: Registry, compilation: Compilation | None
@@ -86,11 +89,11 @@ class _Server:
         self._setup = worker_setup
         self._registry = registry
         self._compilation = compilation
-        self._exits: dict[int, int] = {}  # by worker: where its end is told
+        self._exits: dict[int, int] = {}  # by process id: the descriptor for the exit status
         self._pid = os.getpid()
 
     def run(self, parent: int) -> None:
-        """Run until nobody wants workers any more."""
+        """Serve requests until the control socket is closed or the parent process has ended."""
         self._tell_ready()
         while os.getppid() == parent:
             ready = wait([self._control, *self._news()], _POLL_S)
@@ -102,12 +105,12 @@ class _Server:
         self._end()
 
     def _news(self) -> tuple[int, ...]:
-        """Return the descriptor where processes that compile are heard, while there are any."""
+        """Return the descriptor of messages from compiling processes; empty when none compiles."""
         news = None if self._compilation is None else self._compilation.news
         return () if news is None else (news,)
 
     def _hear_compilers(self) -> None:
-        """Hear how far the processes have come that compile; when all is there, load it for the workers to come."""
+        """Read the progress of the compiling processes; when all have ended, load the kernels for later workers."""
         assert self._compilation is not None
         self._compilation.hear()
         if self._compilation.news is None:
@@ -117,15 +120,15 @@ class _Server:
             self._tell_ready()
 
     def _tell_ready(self) -> None:
-        """Say whether workers are forked, and which agents can be driven; None for all of them."""
+        """Send whether workers are forked, and which agents can be driven (None for all agents)."""
         gc.collect()
-        gc.freeze()  # what is shared with the workers is not touched by their collectors
+        gc.freeze()  # a worker's garbage collector must not copy the pages shared with this process
         self._forks = sys.platform == "linux" and len(os.listdir("/proc/self/task")) <= self._setup.threads
         drives = None if self._compilation is None else self._setup.preload_agents[:1]
         _say(self._control, {"forks": self._forks, "drives": drives})
 
     def _start_worker(self) -> bool:
-        """Answer one request; False when there will be no more."""
+        """Start a worker for one request; return False when the control socket is closed."""
         data, fds, _, _ = socket.recv_fds(self._control, _LARGEST_MESSAGE_BYTES, _MOST_DESCRIPTORS)
         if not data:
             return False
@@ -140,7 +143,7 @@ class _Server:
             process = self._setup.start_python(
                 "serve_in_new_python", arguments, content, pass_fds=inherited, output=inherited[1]
             )
-            process.returncode = 0  # its end is ours to notice, not that of the next `Popen`
+            process.returncode = 0  # `_reap` waits for it, not the next `Popen`
             pid = process.pid
         for number in inherited:
             os.close(number)
@@ -153,7 +156,7 @@ class _Server:
             os.setsid()
             _be_worker_of(self._pid)
             self._control.close()
-            for number in (exit_w, *self._exits.values(), *self._news()):  # it must not tell of an end itself
+            for number in (exit_w, *self._exits.values(), *self._news()):  # only the fork server reports an end
                 os.close(number)
             serve(inherited, self._setup, limits, self._registry)
         except BaseException:
@@ -162,28 +165,28 @@ class _Server:
         os._exit(0)
 
     def _reap(self) -> None:
-        """Tell of the workers that ended, and kill what they left."""
+        """Report the exit status of ended workers, and kill the processes that they left."""
         with suppress(ChildProcessError):
             while True:
                 pid, status = os.waitpid(-1, os.WNOHANG)
                 if not pid:
                     return
                 if pid in self._exits:
-                    _kill(os.killpg, pid)  # the number of a group is not free before its last member has ended
+                    _kill(os.killpg, pid)  # safe: a group's number stays taken until its last member ends
                     exit_w = self._exits.pop(pid)
                     _tell(exit_w, status)
                     os.close(exit_w)
                     self._kill_orphans()
 
     def _kill_orphans(self) -> None:
-        """Kill what a worker started outside its group: it belongs to us when the worker is dead."""
+        """Kill processes that a dead worker started outside its group: this process has adopted them."""
         compilers = () if self._compilation is None else self._compilation.children
         for pid in child_processes():
             if pid not in self._exits and pid not in compilers:
                 _kill(os.kill, pid)
 
     def _end(self) -> None:
-        self._compilation = None  # what still compiles is ended
+        self._compilation = None  # ends the compiling processes
         for pid in self._exits:
             _kill(os.killpg, pid)
         deadline = time.monotonic() + _ENDING_S
@@ -194,16 +197,17 @@ class _Server:
 
 
 def _be_worker_of(server: int) -> None:
-    """End with the server; adopt what sub-processes of the agent leave; take signals as a new process does."""
+    """Make this worker end with the fork server, adopt orphans of the agent's sub-processes, and react to SIGINT."""
     die_with_parent(server)
     adopt_orphans()
-    signal.signal(signal.SIGINT, signal.default_int_handler)  # pytest may have been started to ignore it
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # pytest may have been started with SIGINT ignored
 
 
 def _loaded(setup: WorkerSetup, tell: Callable[[int, int], None]) -> tuple[Registry, Compilation | None]:
-    """Import everything and compile what the first agent of the setup needs; return what is compiled meanwhile, too.
+    """Import everything and compile the kernels of the setup's first agent.
 
-    `tell(done, total)` hears of functions being compiled that somebody waits for.
+    Returns the registry, and the compilation of other kernels that still runs, or None. `tell(done, total)` is called
+    with the number of compiled functions that an agent waits for.
     """
     registry = setup.registry()
     registry.require("simulators", setup.simulator)
@@ -224,12 +228,12 @@ def _loaded(setup: WorkerSetup, tell: Callable[[int, int], None]) -> tuple[Regis
 
 def _import_agents(registry: Registry, names: Sequence[str]) -> None:
     for name in names:
-        with suppress(UsageError):  # the worker that needs it says so
+        with suppress(UsageError):  # the worker that needs the agent reports the error
             registry.require("agents", name)
 
 
 def _may_have_cameras(registry: Registry, name: str) -> bool:
-    """Return False where the agent's class says that no camera reaches it."""
+    """Return False when the agent's class declares in `consumes` that the agent uses no cameras."""
     try:
         consumes = getattr(registry.entry("agents", name).load(), "consumes", None)
     except UsageError:
@@ -238,17 +242,17 @@ def _may_have_cameras(registry: Registry, name: str) -> bool:
 
 
 def _say(channel: socket.socket, words: dict[str, object]) -> None:
-    """Tell the process that started us something."""
+    """Send `words` as JSON to the process that started us."""
     _send(channel, json.dumps(words).encode())
 
 
 def _send(channel: socket.socket, content: bytes) -> None:
-    with suppress(OSError), Connection(os.dup(channel.fileno())) as connection:  # nobody may listen any more
+    with suppress(OSError), Connection(os.dup(channel.fileno())) as connection:  # the other process may be gone
         connection.send_bytes(content)
 
 
 def _warm_up(registry: Registry, setup: WorkerSetup, *, cameras: bool) -> None:
-    """Load the compiled kernels once for all workers."""
+    """Drive two ticks, to load the compiled kernels once for all workers."""
     simulator = registry.simulator(setup.simulator, setup.options)
     rig = (CameraSpec("front", width_px=64, height_px=32),) if cameras else ()
     simulator.reset(resolve_routes("dev10")[0], seed=0, cameras=rig)
@@ -261,7 +265,7 @@ def _warm_up(registry: Registry, setup: WorkerSetup, *, cameras: bool) -> None:
 
 
 def _tell(exit_w: int, number: int) -> None:
-    with suppress(OSError):  # nobody waits for it any more
+    with suppress(OSError):  # the receiver may be gone
         os.write(exit_w, number.to_bytes(4, "little", signed=True))
 
 

@@ -1,4 +1,4 @@
-"""What a worker does with a request: drive it, alone or with others, or score one that another process broke on."""
+"""Handles a worker's requests: drives an episode, alone or in a batch, or scores one that broke another process."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pytest_drive_robust.simulators.base import Simulator
 
 
 class Reply(NamedTuple):
-    """The result of the request with this token; `is_last` when nothing is under way any more."""
+    """The result of the request with `token`; `is_last` is True when no other request is under way."""
 
     token: bytes
     result: EpisodeResult | UsageError
@@ -35,7 +35,7 @@ class Reply(NamedTuple):
 
 
 class RequestHandler:
-    """Answers requests with the worlds and the agents of this process. `connection` leads to who asks."""
+    """Answers requests with the worlds and agents of this process. `connection` leads to the supervisor."""
 
     def __init__(
         self, worker_setup: WorkerSetup, registry: Registry, state: SharedState, connection: Connection
@@ -49,7 +49,7 @@ class RequestHandler:
         self._checked: set[tuple[str, str]] = set()
 
     def replies(self, token: bytes, payload: bytes) -> Iterator[Reply]:
-        """Do what is asked for. Yield more than one reply where requests that arrive meanwhile are driven, too."""
+        """Handle the request in `payload` and yield its reply; in a batch, yield replies to later requests, too."""
         asked: WorkerRequest = pickle.loads(payload)
         self._state.clear()
         known = self._process_states.get(asked.episode.agent)
@@ -73,7 +73,7 @@ class RequestHandler:
             if asked.recorded is not None:
                 return self._salvage(request, asked.recorded)
             result = self._driver.drive_once(request, asked.width)
-            if result.outcome is Outcome.AGENT_ERROR:  # another one will be made, in the process as it is then
+            if result.outcome is Outcome.AGENT_ERROR:  # the next agent object is made anew: its process state counts
                 self._process_states.pop(request.episode.agent, None)
             return result
         except UsageError as error:
@@ -82,9 +82,9 @@ class RequestHandler:
             return self._broken(asked, error)
 
     def _check_identity(self, request: EpisodeRequest) -> None:
-        """Raise `UsageError` where another version of the agent, or of this package, would drive than was asked for.
+        """Raise `UsageError` when this process has another version of the agent or of this package than the request.
 
-        Its result would be stored under the name of code that did not drive it.
+        Otherwise the result would be stored under the key of code that did not drive.
         """
         agent, setup = request.episode.agent, self._setup
         if (agent, request.identity) not in self._checked:
@@ -105,9 +105,9 @@ class RequestHandler:
         return with_machine(result, self._registry.entry("agents", request.episode.agent).load(), world)
 
     def _drive_together(self, token: bytes, first: WorkerRequest) -> Iterator[Reply]:
-        """Drive the first request and all that arrive before none is under way any more; they are of one agent.
+        """Drive the first request, and requests of its agent that arrive while one is under way, in a batch.
 
-        What breaks all of them is told of each: whoever asked tries them again one by one.
+        An error that breaks the whole batch is the reply to each request: the supervisor tries them again one by one.
         """
         unread = [(token, first)]
         under_way = {token: first}
@@ -138,16 +138,16 @@ class RequestHandler:
             for reply in ended:
                 del under_way[reply.token]
                 if not under_way:
-                    driving.close()  # before the state of the process is put back
+                    driving.close()  # before the process state is restored
                 yield reply._replace(is_last=not under_way)
 
     def _broken(self, asked: WorkerRequest, error: BaseException) -> EpisodeResult:
-        """Return what came of an episode when something was raised that is no fault of its agent.
+        """Return the `infra_error` of an episode in which an error was raised that is not its agent's fault.
 
-        That is sys.exit() in a simulator, a perturbation that interrupts.
+        Examples: `sys.exit()` in a simulator, a perturbation that raises `KeyboardInterrupt`.
         """
         if self._state.read().phase is Phase.MAKE and not isinstance(error, Exception):
-            raise error  # an agent that interrupts while it is made
+            raise error  # the agent's constructor raised `SystemExit` or the like
         self.close()
         detail, end = blame("the simulation", error), End.SIMULATION_CRASHED
         return bare_result(asked.route, asked.episode, outcome=Outcome.INFRA_ERROR, end=end, detail=detail)

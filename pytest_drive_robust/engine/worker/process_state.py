@@ -1,6 +1,6 @@
-"""What an agent may change of its process besides its own memory: put back after each episode.
+"""Restores what an agent may change in its process besides its own memory, after each episode.
 
-An episode must not depend on which ones its process drove before.
+An episode must not depend on the episodes that its process drove before.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _RESOURCES = sorted({getattr(resource, name) for name in dir(resource) if name.s
 
 
 class _Item(NamedTuple):
-    """One thing to look after. `module`: only when that one is loaded. What cannot be read now is left out."""
+    """One setting of the process: how to read and write it. The setting exists only once `module` is loaded."""
 
     read: Callable[[], Any]
     write: Callable[[Any], object]
@@ -42,46 +42,47 @@ class _Item(NamedTuple):
 
 
 def read_process_state() -> dict[int, Any]:
-    """Return how things are now; `restore_process_state` makes them so again."""
+    """Return the present value of each item, by its number, for `restore_process_state`."""
     return _read(module for module in {item.module for item in _ITEMS} if module in sys.modules)
 
 
 def add_late_modules(state: dict[int, Any]) -> None:
-    """Have the settings of a module that is not loaded yet added as soon as it is: nobody has changed them then."""
+    """Add the items of a module to `state` as soon as the module is loaded, before an agent can change them."""
     for name in {item.module for item in _ITEMS} - set(sys.modules):
         AfterImport(name, lambda module: state.update(_read([module.__name__]))).wait()
 
 
 def restore_process_state(wanted: Mapping[int, Any]) -> bool:
-    """Give each item its `wanted` value again; return whether all of them took it."""
+    """Give each item its `wanted` value again; return whether all items have it then."""
     return all([_restore(_ITEMS[number], value) for number, value in wanted.items()])  # noqa: C419 - each of them
 
 
 def _read(modules: Iterable[str]) -> dict[int, Any]:
-    """Return what can be read of these modules' items."""
+    """Return the values of these modules' items, by number; an item that cannot be read is left out."""
     wanted, state = set(modules), {}
     for number, item in enumerate(_ITEMS):
         if item.module in wanted:
-            with suppress(Exception):  # an older torch lacks some, and mixed ways of setting TF32 make it refuse
+            with suppress(Exception):  # an older torch lacks some; torch refuses mixed TF32 settings
                 state[number] = item.read()
     return state
 
 
 def _restore(item: _Item, value: Any) -> bool:
     try:
-        with suppress(Exception):  # see `_read`: writing it makes it readable again
+        with suppress(Exception):  # see `_read`: a write makes the item readable again
             if item.read() == value:
                 return True
         item.write(value)
         return bool(item.read() == value)
-    except Exception:  # the folder is gone, a handler cannot be installed, ...: another process can
+    except Exception:  # for example the folder is gone: a new process must drive
         return False
 
 
 class Leftovers:
-    """What an episode leaves that cannot be put back: then the process is replaced.
+    """Finds what an episode left that cannot be restored, so that the process is replaced.
 
-    `descriptors` are ours and must stay what they are. The process may grow by `growth_bytes` after its first episode.
+    Looks for new threads and child processes, changed `descriptors` (those are ours), many open files, and more than
+    `growth_bytes` of growth since the first episode.
     """
 
     def __init__(self, descriptors: Sequence[int], *, growth_bytes: int) -> None:
@@ -92,12 +93,12 @@ class Leftovers:
         self._first_bytes = 0
 
     def found(self) -> bool:
-        """Return whether there are any after an episode."""
+        """Return whether an episode left anything. Call after each episode."""
         size_bytes = resident_bytes()
         self._first_bytes = self._first_bytes or size_bytes
         return (
             max(_thread._count(), threading.active_count() - 1) > self._threads
-            or bool(child_processes())  # with those of children that ended: a worker is a subreaper
+            or bool(child_processes())  # also orphans: a worker is a subreaper
             or any(descriptor_identity(number) != known for number, known in self._descriptors.items())
             or _open_files() - self._files > _MOST_FILES
             or size_bytes - self._first_bytes > self._growth_bytes
@@ -112,12 +113,12 @@ def _open_files() -> int:
 
 
 def _attribute(owner: Any, name: str) -> _Item:
-    """Look after an attribute of a module or an object."""
+    """Return the item for an attribute of a module or an object."""
     return _Item(lambda: getattr(owner, name), partial(setattr, owner, name))
 
 
 def _pair(module: str, getter: str, setter: str) -> _Item:
-    """Look after what two functions of a module read and write; a dictionary is written as keywords."""
+    """Return the item that two functions of a module read and write; a dictionary is written as keywords."""
 
     def write(wanted: Any) -> None:
         function = getattr(sys.modules[module], setter)
@@ -127,7 +128,7 @@ def _pair(module: str, getter: str, setter: str) -> _Item:
 
 
 def _torch(path: str) -> _Item:
-    """Look after an attribute below torch, such as "backends.mkldnn.enabled"."""
+    """Return the item for an attribute below torch, such as "backends.mkldnn.enabled"."""
     owner, _, name = path.rpartition(".")
 
     def write(wanted: Any) -> None:
@@ -137,7 +138,7 @@ def _torch(path: str) -> _Item:
 
 
 def _list(owner: Any, name: str) -> _Item:
-    """Look after the elements of a list that stays the same object."""
+    """Return the item for the elements of a list that stays the same object."""
 
     def write(wanted: list[Any]) -> None:
         getattr(owner, name)[:] = wanted
@@ -146,7 +147,7 @@ def _list(owner: Any, name: str) -> _Item:
 
 
 def _mapping(owner: MutableMapping[str, Any]) -> _Item:
-    """Look after the content of a mapping that stays the same object."""
+    """Return the item for the content of a mapping that stays the same object."""
 
     def write(wanted: dict[str, Any]) -> None:
         for key in set(owner) - set(wanted):
@@ -161,12 +162,12 @@ def _timer(which: int) -> _Item:
 
 
 def _keeps_subnormals() -> bool:
-    """Return whether this thread computes with numbers below the normal ones, or takes them for 0."""
+    """Return True when this thread computes with subnormal numbers, False when it flushes them to 0."""
     return _SUBNORMAL * 4.0 > 0.0
 
 
 def _keep_subnormals(wanted: bool) -> None:
-    sys.modules["torch"].set_flush_denormal(not wanted)  # ONNX Runtime can change it, too, but not back
+    sys.modules["torch"].set_flush_denormal(not wanted)  # ONNX Runtime can set this, too, but not undo it
 
 
 def _set_default_device(wanted: Any) -> None:
@@ -221,7 +222,7 @@ _ITEMS = (
     _torch("backends.cuda.matmul.allow_fp16_reduced_precision_reduction"),
     _torch("backends.cuda.matmul.allow_bf16_reduced_precision_reduction"),
     _pair("torch", "get_float32_matmul_precision", "set_float32_matmul_precision"),
-    # after those above, which set some of these
+    # after the items above, whose setters change some of these
     *(_torch(f"backends.{name}fp32_precision") for name in ("", "cuda.matmul.", "cudnn.", "cudnn.conv.", "cudnn.rnn.")),
     *(_torch(f"backends.mkldnn.{name}fp32_precision") for name in ("", "matmul.", "conv.", "rnn.")),
     _pair("cv2", "getNumThreads", "setNumThreads"),

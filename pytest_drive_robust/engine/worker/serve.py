@@ -1,4 +1,4 @@
-"""In a worker process: wait for an episode, drive it, answer, put everything back."""
+"""The loop of a worker process: wait for a request, drive its episode, answer, restore the process."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ from pytest_drive_robust.runner.episode.machine import machine_facts
 
 _FATAL = (signal.SIGSEGV, signal.SIGFPE, signal.SIGABRT, signal.SIGBUS, signal.SIGILL)
 _PRIVATE_FROM = 600
-"""Our descriptors get numbers from here on, out of the way of code that closes the low ones."""
+"""Lowest number of our own descriptors: code that closes low descriptors does not reach them."""
 
 
 def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
-    """Drive what is asked for until the other side closes the connection. `inherited`: see `WorkerProcess`."""
+    """Answer requests until the supervisor closes the connection. `inherited`: see `WorkerProcess`."""
     messages, output, memory = inherited
     connection, faults = Connection(_private(messages)), _private(os.dup(output))
     _redirect(output)
@@ -44,7 +44,7 @@ def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, r
     start = read_process_state()
     add_late_modules(start)
     leftovers = Leftovers((0, 1, 2, connection.fileno(), faults), growth_bytes=limits.growth_bytes)
-    machine_facts()  # before an agent can change what numpy does
+    machine_facts()  # before an agent can change numpy's settings
     own = os.getpid()
     while True:
         try:
@@ -56,7 +56,7 @@ def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, r
             return
         _tell_faults(faults)
         for reply in handler.replies(token, payload):
-            if os.getpid() != own:  # the agent forked, and this is the copy: one answer is enough
+            if os.getpid() != own:  # a copy that the agent forked must not answer, too
                 os._exit(0)
             is_as_before = restore_process_state(start) if reply.is_last else True
             is_broken = getattr(reply.result, "outcome", None) is Outcome.INFRA_ERROR
@@ -68,7 +68,7 @@ def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, r
 
 
 def _tell_faults(fd: int) -> None:
-    """Have the place of a fatal error written to `fd`, and undo other handlers for it: pygame installs some."""
+    """Let faulthandler write the line of a fatal error to `fd`; remove other handlers, such as pygame's."""
     faulthandler.disable()
     for number in _FATAL:
         signal.signal(number, signal.SIG_DFL)
@@ -76,7 +76,7 @@ def _tell_faults(fd: int) -> None:
 
 
 def _private(number: int) -> int:
-    """Move a descriptor to a high number that is closed on exec; return that."""
+    """Move a descriptor to a high number and close it on exec; return the new number."""
     try:
         moved = fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _PRIVATE_FROM)
     except OSError:  # fewer descriptors are allowed
@@ -86,7 +86,7 @@ def _private(number: int) -> int:
 
 
 def _redirect(output: int) -> None:
-    """Make the descriptor the standard output and error; nothing is to be read."""
+    """Make `output` the standard output and standard error; make the standard input empty."""
     nothing = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((nothing, 0), (output, 1), (output, 2)):
         os.dup2(source, target)

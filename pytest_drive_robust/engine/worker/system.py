@@ -1,4 +1,4 @@
-"""What we ask of the operating system that Python has no function for; each does nothing where it cannot be done."""
+"""Calls of the operating system without a function in Python; each does nothing on a system that lacks the call."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ _POLL_S = 0.5
 
 
 def die_with_parent(parent: int) -> None:
-    """End this process when `parent`, our parent process, ends; at once when it already has."""
+    """End this process when its parent process `parent` ends; end at once when the parent already has."""
     if sys.platform == "linux":
         _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
         if os.getppid() != parent:
             os._exit(0)
     else:
-        _thread.start_new_thread(_leave_after, (parent,))  # a raw one: no list of threads shows it
+        _thread.start_new_thread(_leave_after, (parent,))  # a raw thread: no list of threads shows it
 
 
 def outlive_starter() -> None:
-    """Take `die_with_parent` back on Linux, where it means the thread that started us, which may end before."""
+    """Undo `die_with_parent` on Linux: there the parent is the thread that started us, which may end early."""
     _prctl(_PR_SET_PDEATHSIG, 0)
 
 
 def adopt_orphans() -> None:
-    """Become the parent of every process below us whose own parent ends."""
+    """Make this process the parent of every descendant whose own parent ends. Linux only."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
 def child_processes() -> list[int]:
-    """Return the child processes of all threads. Linux only."""
+    """Return the process ids of the children of all threads. Linux only; empty on other systems."""
     with suppress(OSError):
         lists = [path.read_text() for path in Path("/proc/self/task").glob("*/children")]
         return [int(pid) for pids in lists for pid in pids.split()]
@@ -46,7 +46,7 @@ def child_processes() -> list[int]:
 
 
 def resident_bytes() -> int:
-    """Return the memory that this process occupies."""
+    """Return the memory that this process occupies, in bytes: now on Linux, at its largest on other systems."""
     if sys.platform == "linux":
         pages = int(Path("/proc/self/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGE_SIZE")
@@ -63,7 +63,7 @@ def descriptor_identity(number: int) -> tuple[int, int] | None:
 
 
 def limit_memory(size_bytes: int | None) -> None:
-    """Let this process allocate no more than so much in all. Linux only."""
+    """Limit the memory that this process may allocate to `size_bytes`; None sets no limit. Linux only."""
     if size_bytes is None or sys.platform != "linux":
         return
     hard = resource.getrlimit(resource.RLIMIT_DATA)[1]

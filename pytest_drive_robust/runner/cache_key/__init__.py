@@ -1,1 +1,1 @@
-"""What decides how an episode ends, as one digest; `identity` names all of it but route, setting and seed."""
+"""Computes an episode's key: a digest of all that decides its end. `identity` covers all but route, setting, seed."""

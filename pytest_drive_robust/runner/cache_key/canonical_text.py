@@ -1,6 +1,6 @@
-"""Values and code as one text for digests: equal values give equal text in every process, `5` and `5.0` are one number.
+"""Turns values and code into one text for digests: equal values give equal text in every process; `5` equals `5.0`.
 
-Code is what a factory, a class or a configured object is, with what it was made with.
+Code means a factory, a class or a configured object, together with the values that it was made with.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from pytest_drive_robust.runner.cache_key.source_files import (
 )
 
 SESSION = os.environ.get("PYTEST_XDIST_TESTRUNUID") or secrets.token_hex(8)
-"""Of this process and, under pytest-xdist, of all workers of a run; in a process on a node, of the run itself."""
+"""Names this process; under pytest-xdist all workers of a run share it, and on a cluster's node it names the run."""
 _RUN = [""]
 
 _OWN = __name__.partition(".")[0]
@@ -41,7 +41,7 @@ _ENCODER = json.JSONEncoder(separators=(",", ":"), sort_keys=True)
 
 
 def begin_run(name: str) -> None:
-    """Make keys of code that cannot be known differ from those of earlier runs in this process, as in a notebook.
+    """Begin a run: keys of unknown code now differ from those of earlier runs in this process, as in a notebook.
 
     `name` is the same in all processes of this run, and no other run has it.
     """
@@ -49,25 +49,25 @@ def begin_run(name: str) -> None:
 
 
 def session() -> str:
-    """Return what stands for code that cannot be known: no other run has it, so nothing is taken for the same."""
+    """Return the text that stands for unknown code: no other run has this text, so no stored episode is reused."""
     return SESSION + _RUN[0]
 
 
 def digest_of(*values: object) -> str:
-    """Return 32 hex digits of these values. Raises `TypeError` as `canonical_text` does."""
+    """Return a digest of these values, 32 hex digits. Raises `TypeError` as `canonical_text` does."""
     return hashlib.blake2b(canonical_text(values).encode("ascii"), digest_size=16).hexdigest()
 
 
 def canonical_text(value: object) -> str:
     """Return `value` as JSON with sorted keys; dataclasses by their fields, enum members by their value.
 
-    Raises `TypeError` for anything that has no value of its own to compare, such as an object or a function.
+    Raises `TypeError` for anything without a comparable value, such as a plain object or a function.
     """
     return _ENCODER.encode(_plain(value))
 
 
 def _plain(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:
-    """Return what JSON can write; of what has no value of its own, and of somebody's class, what `otherwise` makes."""
+    """Return `value` as JSON types; `otherwise` converts objects without a comparable value, and users' classes."""
     if type(value) is str:
         return value
     content = _plain_content(value, otherwise)
@@ -77,7 +77,7 @@ def _plain(value: Any, otherwise: Callable[[Any], Any] | None = None) -> Any:
 
 
 def _is_of_a_written_class(value: Any) -> bool:
-    """Return whether methods of somebody may do something else with these values: those of an enumeration, say."""
+    """Return whether the value's class is a user's, so that its methods count: an enumeration or a dataclass, say."""
     cls = type(value)
     kinds = (Enum, Mapping, list, tuple, set, frozenset)
     if not isinstance(value, kinds) and not hasattr(cls, "__dataclass_fields__"):
@@ -86,7 +86,7 @@ def _is_of_a_written_class(value: Any) -> bool:
 
 
 def _is_ours_or_standard(cls: type) -> bool:
-    """Return whether other parts of the identity tell what a class does."""
+    """Return whether a class is ours or of the standard library, so that other parts of the identity cover its code."""
     top = cls.__module__.partition(".")[0]
     return top == _OWN or top in sys.stdlib_module_names
 
@@ -112,7 +112,7 @@ def _plain_content(value: Any, otherwise: Callable[[Any], Any] | None) -> Any:
     if isinstance(value, os.PathLike):
         return {"path": inner(os.fspath(value))}
     fields = getattr(type(value), "__dataclass_fields__", None)
-    if fields is not None:  # an `InitVar` is kept nowhere
+    if fields is not None:  # the value of an `InitVar` is not kept
         return {type(value).__name__: [[name, inner(getattr(value, name))] for name in fields if hasattr(value, name)]}
     if getattr(value, "ndim", None) == 0 and hasattr(value, "item"):  # a scalar of numpy
         return inner(value.item())
@@ -122,9 +122,9 @@ def _plain_content(value: Any, otherwise: Callable[[Any], Any] | None) -> Any:
 
 
 def perturbation_sources(setting: Setting) -> tuple[str, ...]:
-    """Return the code and the `files` of a setting's classes that are not ours, in its order.
+    """Return the code and the `files` of a setting's perturbation classes that are not ours, in the setting's order.
 
-    Ours are a part of the identity. Raises `UsageError` for a file that cannot be read.
+    The identity covers our own classes. Raises `UsageError` for a file that cannot be read.
     """
     classes: Iterator[Any] = map(type, setting.perturbations)
     others = [cls for cls in classes if cls.__module__.partition(".")[0] != _OWN]
@@ -135,7 +135,7 @@ def file_digests(owner: object) -> list[str]:
     """Return the digest of each file that a perturbation's class or a world names in `files`. Raises `UsageError`."""
     fields = dataclasses.fields(owner) if dataclasses.is_dataclass(owner) else ()
     if "files" in {field.name for field in fields}:
-        return []  # a severity of that name
+        return []  # a severity named `files`
     named = getattr(owner, "files", ())
     if not isinstance(named, (list, tuple)) or not all(isinstance(file, (str, os.PathLike)) for file in named):
         raise UsageError(f"`files` of {_called(owner)} is {named!r}, expected the paths of the files that it reads.")
@@ -165,9 +165,9 @@ def _content_digest(path: str, _changed_ns: int, _size_bytes: int) -> str:
 def code_of(target: object, *, libraries: bool = True) -> str:
     """Return a text that is equal for equal code with equal parameters.
 
-    That is the source (see `source_files`), and the arguments of a `functools.partial`, the default values and the
-    closure of a function, the state of an object that is called, and the classes of all these values. Where one of them
-    has no comparable content, the text is of this session only. `libraries`: the versions of Python and of installed
+    The text covers the source (see `source_files`), the arguments of a `functools.partial`, the default values and the
+    closure of a function, the state of a callable object, and the classes of all these values. When one of them has no
+    comparable content, the text holds for this session only. With `libraries` the versions of Python and of installed
     libraries count, too.
     """
     try:
@@ -178,19 +178,19 @@ def code_of(target: object, *, libraries: bool = True) -> str:
 
 @functools.cache
 def _class_code(cls: type, _session: str) -> str:
-    """Return the code of a class; a plan asks for the same few thousands of times."""
+    """Return the code of a class, cached: a plan asks for the same few classes thousands of times."""
     return code_of(cls)
 
 
 class _Description:
-    """Describes objects by their code, what they carry as values; knows those around the one at hand."""
+    """Describes objects by their code and by the values that they hold; an object inside itself is `"itself"`."""
 
     def __init__(self, *, libraries: bool) -> None:
         self._libraries = libraries
         self._around: list[int] = []
 
     def __call__(self, target: Any) -> object:
-        """Return what JSON can write."""
+        """Return the description of `target` as JSON types."""
         if id(target) in self._around:
             return "itself"
         self._around.append(id(target))
@@ -222,7 +222,7 @@ class _Description:
         return module_digest(file_of(target), module, libraries=self._libraries)
 
     def _bases(self, cls: type) -> Iterator[object]:
-        """Yield the bases of a class inside a function: the function may have been given them, and imports them not."""
+        """Yield the bases of a class inside a function: they may be the function's arguments, which no import shows."""
         for base in cls.__bases__ if "<locals>" in cls.__qualname__ else ():
             if _is_ours_or_standard(base):
                 continue
@@ -233,9 +233,9 @@ class _Description:
 
 
 def _state(target: Any) -> dict[str, Any]:
-    """Return what an object keeps in its `__dict__` and its slots.
+    """Return the values in an object's `__dict__` and slots, by name.
 
-    Raises `TypeError` for what may keep more where nobody can see it, as do the tensors of torch.
+    Raises `TypeError` for an object that may keep more data out of sight, such as a tensor of torch.
     """
     cls, pointer_bytes = type(target), struct.calcsize("P")
     slots = {
@@ -252,7 +252,7 @@ def _state(target: Any) -> dict[str, Any]:
 
 
 def _wraps_on_its_own(function: FunctionType) -> bool:
-    """Return whether a function does more than the one that it wraps, and no library made it: that has its version."""
+    """Return whether a wrapper's own code counts; an installed library's wrapper does not, as its version counts."""
     if not hasattr(function, "__wrapped__"):
         return False
     top = _module_of_code(function).partition(".")[0]
@@ -263,12 +263,12 @@ def _wraps_on_its_own(function: FunctionType) -> bool:
 
 
 def _module_of_code(function: FunctionType) -> str:
-    """Return the module that a function was written in: a wrapper is called as what it wraps."""
+    """Return the module that a function was written in: a wrapper's `__module__` is that of the wrapped function."""
     return str(function.__globals__.get("__name__", ""))
 
 
 def _bindings(function: FunctionType) -> object:
-    """Return what a function carries besides its text: defaults and the variables of functions around it."""
+    """Return the values that a function carries besides its source: defaults and closure variables."""
     cells = zip(function.__code__.co_freevars, function.__closure__ or (), strict=True)
     return [function.__defaults__, function.__kwdefaults__, [[name, _content(cell)] for name, cell in cells]]
 
@@ -276,12 +276,12 @@ def _bindings(function: FunctionType) -> object:
 def _content(cell: Any) -> object:
     try:
         return cell.cell_contents
-    except ValueError:  # not filled yet
+    except ValueError:  # the cell is still empty
         return None
 
 
 def _made_at_run_time(cls: type) -> object:
-    """Return for a class inside a function what its methods and attributes took from there."""
+    """Return the values that a class inside a function took from that function; empty for other classes."""
     if "<locals>" not in cls.__qualname__:
         return []
     found = []

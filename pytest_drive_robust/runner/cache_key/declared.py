@@ -1,7 +1,7 @@
-"""What an agent's factory must say for its objects: keys of episodes are made before any agent is.
+"""Checks that an agent's factory declares what decides the keys: keys are made before any agent object.
 
-Weights, a `configuration` and `computed_by` that only the made object has are in no key: they could change, and the
-episodes of before would be taken for those of now.
+`weights`, `configuration` and `computed_by` that only the agent object has are in no key: they could change, and stored
+episodes of the old agent would be taken for those of the new one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
 
 
 def require_declared(name: str, agent: object, factory: object) -> None:
-    """Raise `PluginError` where the agent called `name` says of itself what its factory does not say."""
+    """Raise `PluginError` when the agent `name` declares an attribute of its keys that its factory does not declare."""
     own = list(undeclared(agent, factory))
     if not own:
         return
@@ -37,11 +37,11 @@ def _known_as(cls: type, attribute: str) -> str:
 
 
 def undeclared(agent: object, factory: object) -> Iterator[str]:
-    """Return the attributes of an agent that decide its keys and that its factory does not have, or has otherwise.
+    """Yield the attributes of an agent that decide its keys and that its factory lacks or has with another value.
 
-    A factory may name more files and modules than the agent. What an agent keeps under these names for itself counts
-    for nothing: loaded weights, a configuration that has no plain values. Options may choose what computes. A factory
-    object that names files or a configuration is believed: it may give the agent others than its class has.
+    A factory may name more files and modules than the agent. Values that cannot be compared are ignored: loaded
+    weights, or a configuration without plain values. Options of a configured factory may choose `computed_by`. A
+    factory object that names files or a configuration is trusted, because it may give the agent its own values.
     """
     is_object = not isinstance(getattr(factory, "func", factory), (type, FunctionType))
     files = _files(factory)
@@ -55,14 +55,14 @@ def undeclared(agent: object, factory: object) -> Iterator[str]:
 
 
 def _files(owner: object) -> list[str]:
-    """Return the files that are there out of those in `weights`."""
+    """Return the absolute paths of the files in `weights` that exist."""
     named = getattr(owner, "weights", None)
     several = named if isinstance(named, (list, tuple)) else (named,)
     return [os.path.abspath(file) for file in several if isinstance(file, (str, os.PathLike)) and os.path.exists(file)]
 
 
 def _plain(owner: object) -> str | None:
-    """Return the text of `configuration`, None where it has no value that could be compared."""
+    """Return the text of `configuration`, None when it has no comparable value."""
     given = getattr(owner, "configuration", None)
     try:
         return None if given is None else canonical_text(given)

@@ -1,20 +1,20 @@
-"""What an agent, a simulator and a set of routes are made of, as digests.
+"""Computes digests of what an agent, a simulator and a set of routes are made of.
 
-`identify` is told once per scope and compared by people and `fingerprint`; `identity_of` is a part of every key of the
-store: what is not in it may change without an episode being driven again.
+`identify` is recorded once per scope, for people and for `fingerprint` to compare. `identity_of` is part of every key
+of the store: whatever it does not cover may change without an episode being driven again.
 
-Versions of Python and of libraries are in it where they may decide a bit, and nowhere else:
+Versions of Python and of libraries are part of an identity only where they may decide a bit:
 
 ================================= ====================================================================================
 the embedded world, metrics       none: their arithmetic is our own (`pytest_drive_robust.arithmetic`)
-other simulators                  what `versions()` tells, Python, and what the code of their environments imports
+other simulators                  their `versions()`, Python, and all that the code of their environments imports
 agents with `portable_bits`       none
 agents with `computed_by`         Python and the modules that they name
 other agents                      Python and all that their code imports
 perturbations that are not ours   Python and all that their code imports
 ================================= ====================================================================================
 
-What the processor decides is in no key: records tell it (`runner.episode.machine`).
+What the processor decides is in no key, but in the records (`runner.episode.machine`).
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ _DECIDING = tuple(
         *("runner.episode.witness", "runner.episode.generators", "runner.episode.after_import", "simulators.base"),
     )
 )
-"""What of ours decides the numbers of every episode, by name: a run from the store imports none of it to be driven.
+"""Our modules that decide the numbers of every episode, by name: a run from the store does not import them.
 
-The package of the simulator comes with it.
+The package of the simulator is added to these.
 """
 _LOCKSTEP = "pytest_drive_robust.runner.lockstep.batch"
 
@@ -63,7 +63,7 @@ _DEVELOPMENT = re.compile(r"(\.dev\d+)?(\+\S+)?\Z")
 
 
 def identify(scope: Scope, registry: Registry) -> Identified:
-    """Return the agent and the routes of `scope`. Raises `UsageError` for weights that cannot be read."""
+    """Return the digests of a scope's agent and routes. Raises `UsageError` for weights that cannot be read."""
     entry = registry.entry("agents", scope.agent)
     factory = entry.load()
     return Identified(
@@ -78,10 +78,10 @@ def identify(scope: Scope, registry: Registry) -> Identified:
 def identity_of(
     agent: str, registry: Registry, *, simulator: str, world: Simulator, options: SimulatorOptions, mode: str = "single"
 ) -> str:
-    """Return 32 hex digits of everything but route, setting and seed that decides how an episode ends.
+    """Return a digest of everything but route, setting and seed that decides how an episode ends, 32 hex digits.
 
-    `world` is one that `simulator` names, never driven; `mode` is `"single"` or `"lockstep"`. Code that cannot be known
-    gives an identity of this session. Raises `UsageError` for weights or a configuration that cannot be read.
+    `world` is an undriven world of `simulator`; `mode` is `"single"` or `"lockstep"`. Unknown code gives an identity
+    that holds for this session only. Raises `UsageError` for weights or a configuration that cannot be read.
     """
     driving = source_files.code_digest((_LOCKSTEP,)) if mode == "lockstep" else ""
     world_digest = simulator_identity(simulator, registry, world, options)
@@ -89,9 +89,10 @@ def identity_of(
 
 
 def agent_identity(agent: str, registry: Registry) -> str:
-    """Return 32 hex digits of an agent: name, distribution, code, weights, and the `configuration` of its factory.
+    """Return a digest of an agent, 32 hex digits.
 
-    With the versions of the libraries that decide what it computes (see above).
+    The digest covers its name, distribution, code, weights, the `configuration` of its factory, and the versions of the
+    libraries that decide what it computes (see the table of this module).
     """
     entry = registry.entry("agents", agent)
     factory = entry.load()
@@ -106,24 +107,24 @@ def agent_identity(agent: str, registry: Registry) -> str:
     weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
     modules = computing_modules(factory)
     code, versions = code_of(factory, libraries=modules is None), source_files.versions_of(modules) if modules else {}
-    # A hook's place is no part of what it registers; of "agents 1.3.dev5+g1a2b3c4" the end tells commits: code counts.
+    # Not the place of a hook, nor the commit in "agents 1.3.dev5+g1a2b3c4": the code itself counts.
     distribution = "" if entry.registered else _DEVELOPMENT.sub("", entry.origin)
     return digest_of(agent, distribution, code, weights, configuration, versions)
 
 
 def simulator_identity(name: str, registry: Registry, world: Simulator, options: SimulatorOptions) -> str:
-    """Return 32 hex digits of a world: its name and version, what it computes with, its options, its code and our own.
+    """Return a digest of a world, 32 hex digits: its name, version, libraries, options and code, and our own code.
 
-    `sources` of a world are names of modules beside its own whose code counts, such as that of an environment, and
-    `files` those whose content does. One with `portable_bits` computes the same with every version of Python. Raises
-    `UsageError` for what cannot be read or compared.
+    The `sources` of a world name further modules whose code counts, such as an environment's, and `files` name files
+    whose content counts. The version of Python does not count for a world with `portable_bits`. Raises `UsageError` for
+    a part that cannot be read or compared.
     """
     factory = registry.entry("simulators", name).load()
     others = [_source_of(module) for module in sources_of(world)]
     others += file_digests(world)
     facts = (FORMAT_VERSION, name, *facts_of(world), options)
     place = f"{getattr(factory, '__module__', '')}."
-    # Every other world may use the sensors and criteria of `embedded`.
+    # A world that is not `embedded` may use its sensors and criteria, so the whole package counts.
     ours = source_files.code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
     own = "" if place.startswith(f"{simulators.__name__}.") else code_of(factory)
     return digest_of(facts, {} if has_portable_bits(world) else source_files.versions_of(()), ours, own, others)
@@ -137,15 +138,15 @@ def _source_of(module: ModuleType) -> str:
 
 
 def route_digest(route: Route) -> str:
-    """Return 12 hex digits of everything that the route says."""
+    """Return a digest of the whole route, 12 hex digits."""
     return source_files.hex_of(repr(route).encode())
 
 
 def weights_digest(files: object, *, agent: str) -> str:
-    """Return 12 hex digits of the content of an agent's weight files, in their order; empty when it names none.
+    """Return a digest of the content of an agent's weight files, in order, 12 hex digits; `""` without files.
 
-    `files` is what a factory calls `weights`: a path, several, or None. All files of a folder count, with their names.
-    Raises `UsageError` when it is anything else, and when a file cannot be read.
+    `files` is the factory's attribute `weights`: a path, a list of paths, or None. All files of a folder count, with
+    their names. Raises `UsageError` when `files` is anything else, and when a file cannot be read.
     """
     named = [files] if isinstance(files, (str, os.PathLike)) else files if isinstance(files, (list, tuple)) else None
     if files is not None and (named is None or not all(isinstance(file, (str, os.PathLike)) for file in named)):

@@ -1,9 +1,10 @@
-"""Which files the code of a class or function lies in, and one digest of their content.
+"""Finds the files that hold the code of a class or function, and computes one digest of their content.
 
-Those are all files of its top-level package (or its one file), and then, the same way, of everything that they import
-which is no installed distribution. Installed distributions count by name and version, the standard library by that of
-Python, unless who wrote the code promises that no library decides what it computes, or says which ones do. Imports are
-found by reading, not by running: an import inside a function counts, one by a computed name not.
+The files are those of its top-level package (or its single file), and, in turn, of every module they import that is no
+installed distribution. Installed distributions count by name and version, the standard library by the version of
+Python, unless the author declares that no library decides what the code computes, or which libraries do. Imports are
+found by reading the source, not by running it: an import inside a function counts, an import by a computed name does
+not.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from typing import TypeGuard
 
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
-"""What belongs to the code of a package; weights are named by the agent."""
+"""Suffixes of files that belong to the code of a package; the agent names its weights itself."""
 _BLOCK_BYTES = 1 << 20
 _STANDARD = Path(os.__file__).parent
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 _TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
 _LINE = rb"(?:\\\r?\n|[^#;\r\n])*"
-"""To the end of a statement, whose line may go on after a backslash."""
+"""Matches to the end of a statement, which may continue on the next line after a backslash."""
 _GAP = rb"(?:[ \t\f]|\\\r?\n)"
 _IMPORT = re.compile(
     rb"(?:^(?:\xef\xbb\xbf)?|[;:])[ \t\f]*(?:"
@@ -44,20 +45,20 @@ _COMMENT = re.compile(rb"#[^\r\n]*")
 
 
 class UnknownSourceError(Exception):
-    """There is no telling what the code is: it was typed in, made up at run time, or holds something unknowable."""
+    """The code is unknown: typed in, made at run time, or holding a value that cannot be compared."""
 
 
 def module_digest(file: Path, module: str, *, libraries: bool = True) -> str:
-    """Return 32 hex digits of the code in `file`, the file of the module of that name, and of all that it imports.
+    """Return a digest of the code of `module` in `file` and of all that it imports, 32 hex digits.
 
-    `libraries`: with the versions of Python and of what is installed, and not with the files alone. Raises
-    `UnknownSourceError`.
+    With `libraries` the versions of Python and of installed distributions count, too, not only the files. Raises
+    `UnknownSourceError` for a file that cannot be read.
     """
     return _Walk(file, module).digest(libraries=libraries)
 
 
 def source_digest(factory: object) -> str:
-    """Return 12 hex digits of the code behind an agent's factory, without libraries; empty when it is not known."""
+    """Return a digest of the code of an agent's factory, without libraries, 12 hex digits; `""` for unknown code."""
     try:
         return module_digest(file_of(factory), str(getattr(factory, "__module__", "")), libraries=False)[:12]
     except UnknownSourceError:
@@ -65,7 +66,7 @@ def source_digest(factory: object) -> str:
 
 
 def python_files(factory: object) -> list[Path]:
-    """Return the Python files that `source_digest` reads, sorted; none when the code is not known."""
+    """Return the Python files that `source_digest` reads, sorted; empty for unknown code."""
     try:
         walk = _Walk(file_of(factory), str(getattr(factory, "__module__", "")))
     except UnknownSourceError:
@@ -74,7 +75,7 @@ def python_files(factory: object) -> list[Path]:
 
 
 def imported_versions(target: object) -> dict[str, str]:
-    """Return the versions of Python and of what the code of a class or function imports, by module.
+    """Return the versions of Python and of the installed modules that the code of a class or function imports, by name.
 
     Raises `UnknownSourceError`.
     """
@@ -82,7 +83,7 @@ def imported_versions(target: object) -> dict[str, str]:
 
 
 def versions_of(modules: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of these modules, by name; `"absent"` for one that is not installed."""
+    """Return the versions of Python and of these modules, by name; `"absent"` for a module that is not installed."""
     found = {name: _find(name) for name in modules}
     versions = {
         name: "absent" if spec is None or spec.origin is None else _version(name, Path(spec.origin).resolve())
@@ -92,7 +93,7 @@ def versions_of(modules: Iterable[str]) -> dict[str, str]:
 
 
 def _python() -> dict[str, str]:
-    """Return the version that decides results: patches change none."""
+    """Return the major and minor version of Python: a patch version changes no result."""
     return {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
 
 
@@ -109,7 +110,7 @@ def file_of(target: object) -> Path:
 
 
 def file_of_code(function: FunctionType) -> Path:
-    """Return the file that a function itself was written in, whatever it wraps. Raises `UnknownSourceError`."""
+    """Return the file that a function was written in, not the function it wraps. Raises `UnknownSourceError`."""
     file = Path(function.__code__.co_filename).resolve()
     if not file.is_file():
         raise UnknownSourceError(f"there is no file {file}")
@@ -117,7 +118,7 @@ def file_of_code(function: FunctionType) -> Path:
 
 
 def is_installed(file: Path) -> bool:
-    """Return whether a file belongs to an installed distribution, whose version tells its content."""
+    """Return whether a file belongs to an installed distribution, whose version identifies its content."""
     return not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
 
 
@@ -130,16 +131,16 @@ def file_of_name(module: str) -> Path:
 
 
 def _file_of_methods(target: object) -> str:
-    """Return the file that the methods of a class were read from; empty for other things, and where they do not tell.
+    """Return the file of a class's methods; `""` for other objects, and for a class without a method of its own.
 
-    `inspect` takes the file of whatever module has the name now. That is another one where two conftest.py share a
-    name, and none where the module was removed from `sys.modules`.
+    `inspect` takes the file of the module that has the class's module name now: the wrong file when two conftest.py
+    share a name, and no file when the module was removed from `sys.modules`.
     """
     if not isinstance(target, type):
         return ""
     for member in vars(target).values():
         function = inspect.unwrap(member) if isinstance(member, FunctionType) else None
-        # What a decorator made is written elsewhere, and what `dataclass` made nowhere.
+        # A decorator's method is written elsewhere; a method made by `dataclass` is in no file.
         if isinstance(function, FunctionType) and function.__qualname__ == f"{target.__qualname__}.{function.__name__}":
             file = function.__code__.co_filename
             if function.__module__ == target.__module__ and Path(file).is_file():
@@ -148,10 +149,10 @@ def _file_of_methods(target: object) -> str:
 
 
 def code_digest(modules: Iterable[ModuleType | str]) -> str:
-    """Return 32 hex digits of the files of these modules, by their names within them; a package counts with all below.
+    """Return a digest of the names and contents of these modules' files, 32 hex digits; a package counts as a whole.
 
-    One that is given by its name is not imported. Raises `UnknownSourceError` for a module without a file: nothing to
-    read must never look like unchanged code.
+    A module given by its name is not imported. Raises `UnknownSourceError` for a module without a file: a missing file
+    must never look like unchanged code.
     """
     digest = hashlib.blake2b(digest_size=16)
     for module in modules:
@@ -172,9 +173,9 @@ def add_file(digest: hashlib.blake2b, path: str | Path) -> None:
 
 
 def files_of(path: str | Path) -> Iterator[tuple[str, Path]]:
-    """Return the files of a folder, each with its name in it, or the one file that `path` is, without a name.
+    """Yield (name, path) of the files of a folder, with names relative to it; `("", path)` when `path` is a file.
 
-    They come in the order of their names. Hidden ones are left out; links are followed, once where they lead around.
+    Files come in the order of their names. Hidden files are left out. Links are followed, and each folder is read once.
     Raises `OSError`.
     """
     if not os.path.isdir(path):
@@ -196,14 +197,14 @@ def _raise(error: OSError) -> None:
 
 
 def hex_of(content: bytes) -> str:
-    """Return 12 hex digits of bytes."""
+    """Return a digest of bytes, 12 hex digits."""
     return hashlib.blake2b(content, digest_size=6).hexdigest()
 
 
 class _Walk:
-    """Follows imports from a first module. What was found is kept by a name that does not depend on where it lies.
+    """Follows imports from a first module. Found files are kept by names that do not depend on their folder.
 
-    The first one counts wherever it is installed; a single file counts the same under any name.
+    The first module counts also when it is installed; a single file counts the same under any name.
     """
 
     def __init__(self, file: Path, module: str) -> None:
@@ -225,7 +226,7 @@ class _Walk:
         return {**_python(), **self._installed}
 
     def digest(self, *, libraries: bool) -> str:
-        """Return 32 hex digits of the files, and of what is installed where `libraries` count."""
+        """Return a digest of the files, and with `libraries` of the versions, 32 hex digits."""
         counted = {f"distribution {name}": version for name, version in self.versions().items()} if libraries else {}
         lines = "\n".join(f"{name} {content}" for name, content in sorted({**self._found, **counted}.items()))
         return hashlib.blake2b(lines.encode(errors="surrogatepass"), digest_size=16).hexdigest()
@@ -249,7 +250,7 @@ class _Walk:
             content = path.read_bytes()
         except OSError as error:  # in a zip file, or not allowed
             raise UnknownSourceError(f"{path} cannot be read: {error.strerror}") from None
-        while name in self._found:  # of another folder
+        while name in self._found:  # a file of another folder has this name
             name += "'"
         self._found[name] = _content_digest(path, content)
         if path.suffix == ".py":
@@ -283,7 +284,7 @@ class _Walk:
             self._add_file(origin, origin.name)
 
     def _follow_links(self, imported: str, folders: list[Path]) -> None:
-        """Add what a package reaches through a link to a folder: the walk through its files leaves that out."""
+        """Add folders that a package reaches through links, which the walk through the package's files leaves out."""
         for folder in folders:
             for part in imported.split(".")[1:]:
                 folder /= part
@@ -291,13 +292,13 @@ class _Walk:
                     self._add_folder(folder.resolve())
 
     def _follow_relative(self, imported: str, importer: Path) -> None:
-        """Follow it where the importer is in no package that was added whole, such as a conftest.py."""
+        """Follow a relative import: the importer, such as a conftest.py, may be in no package that was added whole."""
         module = imported.lstrip(".")
         folder = importer.parents[len(imported) - len(module) - 1]
         self._follow_namespace(f"here.{module}", [folder])
 
     def _follow_namespace(self, imported: str, folders: list[Path]) -> None:
-        """Go down a dotted name through folders that have no __init__.py."""
+        """Follow a dotted name through folders without `__init__.py`; add the first package or module found."""
         for part in imported.split(".")[1:]:
             for folder in folders:
                 if (folder / part / "__init__.py").is_file():
@@ -324,18 +325,18 @@ def _imports(content: bytes) -> Iterator[str]:
 
 
 def _content_digest(path: Path, content: bytes) -> str:
-    """Return a file's digest, of a test file without its tests: an agent or perturbation beside them is not theirs."""
+    """Return a file's digest. A test file counts without its tests: no agent or perturbation beside them needs them."""
     counted = _without_tests(content) if _TEST_FILE.fullmatch(path.name) else content
     return hashlib.blake2b(counted).hexdigest()
 
 
-@functools.lru_cache(maxsize=1024)  # the same files are behind an agent, its perturbations and its simulator
+@functools.lru_cache(maxsize=1024)  # an agent, its perturbations and its simulator share files
 def _without_tests(content: bytes) -> bytes:
     with suppress(SyntaxError, ValueError):
         tree = ast.parse(content)
         tests = {part.name: part for part in tree.body if _is_test(part)}
         kept = [part for part in tree.body if part not in tests.values()]
-        for part in kept:  # what is called by what stays is no test, whatever its name
+        for part in kept:  # a function that other code calls is no test, whatever its name
             used = {node.id for node in ast.walk(part) if isinstance(node, ast.Name)}
             kept += [tests.pop(name) for name in sorted(used & tests.keys())]
         tree.body = [part for part in tree.body if part in kept]
@@ -344,14 +345,14 @@ def _without_tests(content: bytes) -> bytes:
 
 
 def _is_test(part: ast.stmt) -> TypeGuard[ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef]:
-    """Return whether a statement defines a function named as a test, or a class of tests: an agent has none."""
+    """Return whether a statement defines a function named as a test, or a class with such a function."""
     if isinstance(part, ast.ClassDef):
         return part.name.startswith("Test") and any(_is_test(inner) for inner in part.body)
     return isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef)) and part.name.startswith("test")
 
 
 def _package_folder(file: Path, module: str) -> Path | None:
-    """Return the folder of the top-level package that `file` belongs to, None where it is a module of its own."""
+    """Return the folder of the top-level package that `file` belongs to, None when `file` is a single module."""
     package = sys.modules.get(module.partition(".")[0])
     folders = [Path(folder).resolve() for folder in getattr(package, "__path__", ())]
     return next((folder for folder in folders if file.is_relative_to(folder)), None)
@@ -369,7 +370,7 @@ def _find(top: str) -> importlib.machinery.ModuleSpec | None:
 
 
 def _is_standard(top: str, spec: importlib.machinery.ModuleSpec) -> bool:
-    """Return whether it is the standard library's module, and none of somebody's that has its name."""
+    """Return whether `spec` is a module of the standard library, not another module with its name."""
     if top not in sys.stdlib_module_names:
         return False
     return not (spec.origin or "").endswith(".py") or Path(str(spec.origin)).is_relative_to(_STANDARD)
@@ -377,7 +378,7 @@ def _is_standard(top: str, spec: importlib.machinery.ModuleSpec) -> bool:
 
 @functools.cache
 def _version(module: str, origin: Path) -> str:
-    """Return the version of a distribution; where its name is not the module's, a digest of what tells versions."""
+    """Return the version of the distribution named as the module, or else a digest of the files that hold versions."""
     try:
         return metadata.version(module.partition(".")[0])
     except (metadata.PackageNotFoundError, ValueError):

@@ -1,4 +1,4 @@
-"""Calls a function as soon as a module is loaded, before anybody can use it."""
+"""Calls a function as soon as a module is loaded, before other code can use the module."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ from typing import Any
 
 
 class AfterImport(MetaPathFinder):
-    """Finds the module `name` as usual while it waits for it, and calls `then(module)` once it is loaded."""
+    """Waits for the import of the module `name`, and calls `then(module)` once the module is loaded."""
 
     def __init__(self, name: str, then: Callable[[ModuleType], object]) -> None:
         self._name = name
         self._then = then
 
     def wait(self) -> None:
-        """Wait for the module from now on."""
+        """Begin to wait for the module."""
         if self not in sys.meta_path:
             sys.meta_path.insert(0, self)
 
     def forget(self) -> None:
-        """Wait no more."""
+        """Stop waiting for the module."""
         if self in sys.meta_path:
             sys.meta_path.remove(self)
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Return the spec that the other finders have, its loader made to tell us."""
+        """Return the spec of the other finders, with a loader that calls `then`."""
         if fullname != self._name:
             return None
         self.forget()
         try:
             spec = importlib.util.find_spec(fullname)
         finally:
-            self.wait()  # who asks for a spec need not load it
+            self.wait()  # a search for the spec may not load the module
         loader: Any = None if spec is None else spec.loader
         if loader is not None:
             load = loader.exec_module

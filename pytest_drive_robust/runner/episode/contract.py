@@ -1,4 +1,4 @@
-"""The agent's contract, held at every call: whatever an agent does wrong becomes an `AgentError` with one sentence."""
+"""Checks the agent's contract at every call: every fault of an agent becomes an `AgentError` with one sentence."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import AgentError, did_you_mean
 
 BLAMED: tuple[type[BaseException], ...] = (Exception, SystemExit)
-"""What is the agent's doing. KeyboardInterrupt is the user's, and what pytest raises for a timeout is pytest's: both
-derive from BaseException only and go through. A worker process, which neither reaches, blames the agent for all."""
+"""Exceptions that count as the agent's fault. KeyboardInterrupt comes from the user, and pytest's timeout from pytest:
+both derive only from BaseException and go through. Neither reaches a worker process, which blames the agent for all."""
 
 _MOST_CHARACTERS = 20_000
-"""An exception may hold megabytes."""
+"""Longest text of an exception or value in a message: it may hold megabytes."""
 _MOST_DEEP = 20
-"""Groups within groups; what is made to look like one may hold itself."""
+"""Deepest nesting of exception groups that is shown: an object that resembles a group may hold itself."""
 _CALLERS = (
     "pytest_drive_robust.engine.",
     "pytest_drive_robust.bench2drive.agents.",
@@ -31,7 +31,7 @@ _CALLERS = (
     "pytest_drive_robust.testing.",
     "pytest_drive_robust.perturbations.base",
 )
-"""Modules that only pass calls on to agents, simulators and perturbations, which are never what broke."""
+"""Modules that only pass calls on to agents, simulators and perturbations; an error is never theirs."""
 
 
 def agent_cameras(agent: Agent, dt_s: float) -> tuple[CameraSpec, ...]:
@@ -82,13 +82,13 @@ def agent_privileged(agent: Agent) -> bool:
 
 
 def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
-    """Begin an episode. Raises `AgentError`."""
+    """Call the agent's `reset` at the start of an episode. Raises `AgentError`."""
     with _blamed("reset"):
         agent.reset(plan, seed)
 
 
 def agent_plan(agent: Agent) -> PlannedPath:
-    """Return the agent's plan. Raises `AgentError`, also where it has none."""
+    """Return the agent's plan. Raises `AgentError`, also for an agent without `plan`."""
     with _blamed("plan"):
         return agent.plan()  # type: ignore[attr-defined, no-any-return]
 
@@ -105,9 +105,10 @@ def agent_act(agent: Agent, observation: Observation) -> Control:
 
 
 def agent_act_batch(agents: Sequence[Agent], observations: Sequence[Observation]) -> list[Control | AgentError]:
-    """Return one answer for each agent: its control in plain floats, or what is wrong with it.
+    """Return one answer for each agent: its control in plain floats, or an `AgentError` that says what is wrong.
 
-    Raises `AgentError` where no agent can be blamed alone: there is no `act_batch`, it raised, or gave no such list.
+    Raises `AgentError` when no single agent can be blamed: there is no `act_batch`, or it raised, or it returned no
+    list with one answer for each agent.
     """
     act_batch = getattr(agents[0], "act_batch", None)
     if not callable(act_batch):
@@ -146,9 +147,9 @@ def blame(call: str, error: BaseException, verb: str = "raised") -> str:
 
 
 def _in_words(error: BaseException, depth: int = 0) -> str:
-    """Return the last line of its traceback, what was noted beside it, and the errors that a group holds."""
+    """Return the last line of an error's traceback, then its notes, then the errors that a group holds."""
     told = traceback.TracebackException(type(error), error, None, compact=True)
-    told.__notes__ = None  # type: ignore[attr-defined]  # they would be the last lines
+    told.__notes__ = None  # type: ignore[attr-defined]  # notes would be the last lines
     noted = getattr(error, "__notes__", ())
     notes = noted if isinstance(noted, (list, tuple)) else (noted,)
     words = [[*told.format_exception_only()][-1].strip()]
@@ -160,7 +161,7 @@ def _in_words(error: BaseException, depth: int = 0) -> str:
 
 
 def _shown(value: object) -> str:
-    """Return what an agent gave as text, also where its `__repr__` raises."""
+    """Return a value of an agent as text, also when its `__repr__` raises."""
     try:
         return _cut(repr(value))
     except BLAMED as error:
@@ -182,19 +183,19 @@ def _blamed(call: str) -> Iterator[None]:
 
 
 def _quits(error: BaseException) -> bool:
-    """Whether somebody left a debugger in this process: pytest makes an exception of its own of the `q`."""
+    """Return whether the user quit a debugger in this process; pytest replaces `BdbQuit` by its own exception."""
     return BaseException not in BLAMED and (isinstance(error, BdbQuit) or type(error).__module__ == "_pytest.outcomes")
 
 
 def _place(error: BaseException) -> str:
-    """Return the deepest line of the package that was called first: where its author would look."""
+    """Return `" (my_agent.py:12 in act)"`, the deepest line in the package that was called first, where to look."""
     frames = [found for found in traceback.walk_tb(error.__traceback__) if not _module(found[0]).startswith(_CALLERS)]
     packages = [_module(frame).partition(".")[0] for frame, _ in frames]
     if not frames:
         return ""
     frame, line = [found for found, package in zip(frames, packages, strict=True) if package == packages[0]][-1]
     shown = Path(frame.f_code.co_filename)
-    with suppress(ValueError, OSError):  # it lies elsewhere, or the agent has removed the current folder
+    with suppress(ValueError, OSError):  # the file lies elsewhere, or the current folder is gone
         shown = shown.relative_to(Path.cwd())
     return f" ({shown}:{line} in {frame.f_code.co_name})"
 

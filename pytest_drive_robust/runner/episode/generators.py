@@ -1,4 +1,4 @@
-"""The global generators of random numbers, which an agent may draw from: seeded from a name. Nothing of ours does."""
+"""Seeds the global generators of random numbers by a name. An agent may draw from them; our code never does."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pytest_drive_robust.runner.episode.after_import import AfterImport
 
 @contextmanager
 def borrowed_generators(text: str) -> Iterator[None]:
-    """Seed the global generators from a name and put them back afterwards, torch's also when it was imported inside."""
+    """Seed the global generators by a name, and restore them after the body, also for a torch imported in the body."""
     import numpy.random
 
     python, numbers, late_seed, torch = random.getstate(), numpy.random.get_state(), _LATE_TORCH.seed, _torch()
@@ -28,15 +28,15 @@ def borrowed_generators(text: str) -> Iterator[None]:
         torch = _torch()
         if torch is None:
             _LATE_TORCH.wait(late_seed)
-        elif state is None and late_seed is not None:  # what is around us waited for it, too
+        elif state is None and late_seed is not None:  # an outer block waits for torch, too
             torch.manual_seed(late_seed)
         else:
             _put_back(torch, _LATE_TORCH.first_state if state is None else state)
 
 
 def seed_generators(text: str) -> None:
-    """Seed the global generators of Python, numpy and torch from a name; torch's when it is imported at last."""
-    import numpy.random  # also when nobody has: numpy loads it when it is first used
+    """Seed the global generators of Python, numpy and torch by a name; seed torch later when it is not yet imported."""
+    import numpy.random  # numpy itself loads it only at its first use
 
     seed = int.from_bytes(hashlib.blake2b(text.encode("utf-8", "surrogatepass"), digest_size=4).digest(), "big")
     random.seed(seed)
@@ -53,21 +53,21 @@ def _torch() -> Any:
 
 
 def _state_of(torch: Any) -> tuple[Any, Any]:
-    """Return the state of the generator of the CPU, and those of CUDA devices; None while nobody can draw from them."""
+    """Return the states of torch's CPU generator and of its CUDA generators; None for CUDA before its first use."""
     return torch.get_rng_state(), torch.cuda.get_rng_state_all() if torch.cuda.is_initialized() else None
 
 
 def _put_back(torch: Any, state: tuple[Any, Any]) -> None:
     cpu, cuda = state
     torch.set_rng_state(cpu)
-    if cuda is None:  # it was seeded with the CPU, and nobody drew since
+    if cuda is None:  # CUDA was seeded together with the CPU, and unused
         torch.cuda.manual_seed_all(torch.initial_seed())
     else:
         torch.cuda.set_rng_state_all(cuda)
 
 
 class _LateTorch:
-    """Has torch seeded as soon as it is loaded. `first_state` is how it came."""
+    """Seeds torch as soon as it is loaded. `first_state` is torch's state before that."""
 
     seed: int | None = None
     first_state: Any = None
@@ -76,7 +76,7 @@ class _LateTorch:
         self._import = AfterImport("torch", self._seed)
 
     def wait(self, seed: int | None) -> None:
-        """Seed torch with this when it is loaded, with nothing for None."""
+        """Seed torch with `seed` when it is loaded; with None, do not seed it."""
         self.seed = seed
         if seed is None:
             self._import.forget()

@@ -1,4 +1,4 @@
-"""The closed loop: one agent drives one episode, and every end of it becomes an `EpisodeResult`."""
+"""The closed loop: one agent drives one episode, and every end of the episode becomes an `EpisodeResult`."""
 
 from __future__ import annotations
 
@@ -43,33 +43,35 @@ _OUTCOMES = {
 }  # every other end is the agent's failure
 _WORLD, _PERTURBATION = "the simulation", "a perturbation"
 _ROUNDING_PCT = 1e-6
-"""A sum of the metres outside may be longer than the way itself in its last digits."""
+"""Tolerance in percent: the sum of the metres outside may exceed the driven distance in its last digits."""
 
 
 class Watch:
-    """Is told whose code runs and what was driven, so that a death or a hang is blamed on the right one.
+    """Is told whose code runs and what was driven, so that a crash or a hang is blamed on the right code.
 
     The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
-    (everything else: the world, the perturbations, the recorder). Methods are called in every tick: return at once.
-    What they raise counts as a fault of the simulation.
+    (everything else: the world, the perturbations, the recorder). Methods are called in every tick and must return at
+    once. An error in a method counts as a fault of the simulation.
     """
 
     def phase(self, name: str, tick: int) -> None:
-        """Note that from now on the code of `name` runs, in `tick`."""
+        """Note that the phase `name` begins in `tick`."""
 
     def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
-        """Note what the agent of an episode that begins is made for."""
+        """Note the agent's cameras, its signals, and whether it sees ground truth, at the start of an episode."""
 
     def ticked(
         self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
     ) -> None:
-        """Note the world at the moment of the observation, that as perturbed, the agent's answer, what the vehicle got.
+        """Note a driven tick.
 
-        The agent has a copy of its own of the observation; `asked` is None when it was not asked.
+        `state` is the world at the time of the observation, `observation` the perturbed observation, of which the agent
+        had its own copy, `asked` the agent's answer, None when the agent was not asked, and `applied` the control that
+        the vehicle got.
         """
 
     def failed(self, error: Exception) -> None:
-        """Note what the episode breaks with."""
+        """Note the error that ends the episode."""
 
 
 def drive_episode(
@@ -82,12 +84,12 @@ def drive_episode(
     agent_name: str,
     watch: Watch | None = None,
 ) -> EpisodeResult:
-    """Drive one episode to its end. Never raises for what the agent, the simulator or a perturbation does.
+    """Drive one episode to its end and return its result.
 
-    What the agent does wrong (exception, `sys.exit`, NaN, wrong type, bad cameras) ends in `agent_error`, with what
-    was driven so far scored. What the simulator or a perturbation does wrong ends in `infra_error`, never scored.
-    KeyboardInterrupt goes through to the caller. While the warm-up of the setting lasts the vehicle gets
-    `Control.NEUTRAL`, whatever the agent says.
+    A fault of the agent (exception, `sys.exit`, NaN, wrong type, bad cameras) ends the episode in `agent_error`, and
+    the ticks so far are scored. A fault of the simulator or of a perturbation ends the episode in `infra_error`, which
+    is never scored. Neither raises; KeyboardInterrupt goes through to the caller. During the warm-up of the setting the
+    vehicle gets `Control.NEUTRAL`, whatever the agent answers.
     """
     running = RunningEpisode(simulator, agent, route, setting, seed, watch=watch)
     running.drive()
@@ -95,13 +97,14 @@ def drive_episode(
 
 
 class RunningEpisode:
-    """An episode in steps, so that others can be driven beside it: whose fault its end is, and what was recorded.
+    """Drives an episode in steps, so that other episodes can be driven beside it; keeps its records and its error.
 
-    `start`, then `tick` as long as it is not `over`: `sense`, and where there is something to see, `ask` and `advance`.
-    Each goes through `attempt`, which keeps what they raise; `drive` is all of that. At the end `result`.
+    Call `start`, then `tick` until `over`, then `result`. `tick` is `sense` and, when that returns an observation,
+    `ask` and `advance`. Call each step through `attempt`, which keeps an error as `crash`. `drive` does all but
+    `result`.
 
-    `view` is a camera for people, mounted where the agent has none: its images are in `images`, and nowhere else.
-    `share_s` are its wall seconds in a batch.
+    `view` is a camera for the film, mounted when the agent has none; its images are only in `images`. `share_s` is the
+    episode's share of the wall seconds of a batch.
     """
 
     def __init__(
@@ -135,25 +138,25 @@ class RunningEpisode:
         self.images: Mapping[str, Image] = {}
         self._watch = watch or Watch()
         self._view = () if view is None else (view,)
-        self._mounted: dict[str, CameraSpec] = {}  # what the world was asked for, by the camera's name
+        self._mounted: dict[str, CameraSpec] = {}  # the cameras that the world was given, by name
         self._seen: Observation | None = None
-        self._lane_map: LaneMap | None = None  # the agent's own
-        self._rows = array("d")  # of a `Trace`, one after the other
+        self._lane_map: LaneMap | None = None  # the agent's own copy
+        self._rows = array("d")  # the rows of a `Trace`, one after the other
         self._done = False
-        self._whose = _WORLD  # code runs, besides the agent's
+        self._whose = _WORLD  # code runs, when it is not the agent's
 
     @property
     def over(self) -> bool:
-        """Return True once nothing more can be driven."""
+        """True when the episode has ended."""
         return self._done or self.crash is not None
 
     def attempt(self, action: Callable[[], _Given]) -> _Given | None:
-        """Return what `action` returns; when it raises, keep whose fault it is and return None."""
+        """Return the result of `action`; when it raises, end the episode, blame the right code, and return None."""
         try:
             return action()
         except (AgentError, SimulationError) as error:
             self.fail(error)
-        except PerturbationError as error:  # it says whose call it was
+        except PerturbationError as error:  # its message already names the call
             self.fail(SimulationError(str(error)))
         except Exception as error:
             self.fail(SimulationError(blame(self._whose, error)))
@@ -165,7 +168,7 @@ class RunningEpisode:
         self._watch.failed(error)
 
     def drive(self) -> None:
-        """Drive from the start to the end; see `drive_episode`."""
+        """Start the episode and drive it to its end; see `drive_episode`."""
         self.attempt(self.start)
         while not self.over:
             self.attempt(self.tick)
@@ -205,11 +208,14 @@ class RunningEpisode:
             self.advance(*self.ask(given))
 
     def sense(self) -> Observation | None:
-        """Return what the agent is to act on, in memory of its own; None while it is busy: then the tick is over."""
+        """Return the agent's own copy of the perturbed observation.
+
+        Returns None when the agent's computer is busy: the tick is over then.
+        """
         stack = self.stack
         assert stack is not None  # start() came before
         captured = self._captured()
-        if stack.observes:  # worlds give the image of a slow camera again: what is written to it would add up
+        if stack.observes:  # a slow camera's image is given again: writes to it would add up
             captured = captured.map_images(lambda name, image: image.read_only())
         self.images = captured.cameras
         if self.shows_view:
@@ -226,7 +232,7 @@ class RunningEpisode:
         return given if given.truth is truth else replace(given, truth=truth)
 
     def _captured(self) -> Observation:
-        """Return what the world's sensors give. Raises `SimulationError`, else the agent would be blamed for it."""
+        """Return the world's observation, checked. Raises `SimulationError`: a bad one would be blamed on the agent."""
         captured: object = self.simulator.observe()
         if not isinstance(captured, Observation):
             raise SimulationError(f"observe() gave {captured!r}, expected an Observation")
@@ -244,14 +250,14 @@ class RunningEpisode:
         return captured
 
     def _truth(self) -> GroundTruth:
-        """Return what a privileged agent may see, in memory of its own: worlds share the map of a town."""
+        """Return the ground truth for a privileged agent, in its own memory: worlds share the map of a town."""
         truth = self.simulator.truth().private()
         if self._lane_map is None:
             self._lane_map = copy.deepcopy(truth.lane_map)
         return replace(truth, lane_map=self._lane_map)
 
     def ask(self, given: Observation) -> tuple[Control, float]:
-        """Return the agent's answer to what `sense` gave it, and the seconds that it took."""
+        """Return the agent's control for the observation `given`, and the seconds of the call."""
         self._enter("act")
         asked_s = time.perf_counter()
         control = agent_act(self.agent, given)
@@ -260,7 +266,7 @@ class RunningEpisode:
         return control, inference_s
 
     def advance(self, control: Control | AgentError | None, inference_s: float) -> None:
-        """Step the world: `control` is the agent's answer to what `sense` gave it, None when it was not asked."""
+        """Step the world. `control` is the agent's answer to the observation of `sense`, None when it was not asked."""
         if isinstance(control, AgentError):
             raise control
         tick, state, stack, observation = self.ticks, self.state, self.stack, self._seen
@@ -281,7 +287,7 @@ class RunningEpisode:
         if applied is not control and (problem := applied.problem()) is not None:
             raise SimulationError(f"the perturbations gave the vehicle {applied!r}: {problem}")
         if tick < self.warmup_ticks:
-            applied = Control.NEUTRAL  # the clean twin waits as long: no part of what the setting changes
+            applied = Control.NEUTRAL  # the clean twin waits as long: not counted as a change by the setting
         else:
             self.witness.applied(tick, control, applied)
         self.state = after = _checked_state("step", self.simulator.step(applied))
@@ -294,7 +300,7 @@ class RunningEpisode:
         self._done = _ends(self.simulator.done)
 
     def result(self, episode: Episode) -> EpisodeResult:
-        """Return what came of the episode. A world that cannot report its score makes it an `infra_error`."""
+        """Return the result of the episode; an `infra_error` when the world cannot report its score."""
         score: EpisodeScore | None = None
         schedule: tuple[Injection, ...] = ()
         versions: dict[str, str] = {}
@@ -341,7 +347,7 @@ class RunningEpisode:
         self._watch.phase(phase, self.ticks)
 
     def _trace(self) -> Trace:
-        """Return what was recorded so far, in memory of its own."""
+        """Return the trace recorded so far, in its own memory."""
         width = len(Trace.COLUMNS)
         rows = np.array(self._rows[: self.ticks * width], dtype=np.float64).reshape(-1, width)
         return Trace(read_only(rows.copy()))
@@ -355,21 +361,21 @@ class RunningEpisode:
 
 
 def _checked_state(call: str, state: object) -> WorldState:
-    """Return what the world answered. Raises `SimulationError` for what is no state of it."""
+    """Return the state that the world returned. Raises `SimulationError` when it is no `WorldState`."""
     if not isinstance(state, WorldState):
         raise SimulationError(f"{call}() gave {state!r}, expected a WorldState")
     return state
 
 
 def _ends(done: object) -> bool:
-    """Return whether the world ends the episode. Raises `SimulationError` for an answer that may mean either."""
+    """Return whether the world ends the episode. Raises `SimulationError` when `done` is neither an `End` nor None."""
     if done is None or isinstance(done, End):
         return done is not None
     raise SimulationError(f"done is {done!r}, expected an End, and None while the episode goes on")
 
 
 def _checked_score(score: object) -> EpisodeScore:
-    """Return the score of the world. Raises `SimulationError` for what cannot be stored."""
+    """Return the score of the world, checked. Raises `SimulationError` for a score that cannot be stored."""
     if not isinstance(score, EpisodeScore):
         raise SimulationError(f"score() gave {score!r}, expected an EpisodeScore")
     if not isinstance(score.end, End):
@@ -388,7 +394,7 @@ def _checked_score(score: object) -> EpisodeScore:
 
 
 def _checked_schedule(schedule: tuple[Injection, ...]) -> tuple[Injection, ...]:
-    """Return what was injected. Raises `SimulationError` for what cannot be stored."""
+    """Return the schedule of injections, checked. Raises `SimulationError` for a schedule that cannot be stored."""
     for item in schedule:
         if not isinstance(item, Injection):
             raise SimulationError(f"schedule() of a perturbation gave {item!r}, expected Injection objects")

@@ -1,8 +1,8 @@
-"""What this machine computes: digests of a few fixed results, stored with the episodes whose bits depend on it.
+"""Computes digests of a few fixed results on this machine, stored with the episodes whose bits depend on the machine.
 
-The embedded world, the perturbations and agents with `portable_bits` give the same bits on every machine. What other
-agents and worlds do is computed by the C library, numpy, torch or ONNX Runtime, which choose their code by what the
-processor can do: their episodes may differ where these digests do. They are no part of any key.
+The embedded world, the perturbations and agents with `portable_bits` give the same bits on every machine. Other agents
+and worlds compute with the C library, numpy, torch or ONNX Runtime, which choose their code by the processor: episodes
+of two machines may differ when these digests differ. The digests are part of no key.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError
 from pytest_drive_robust.simulators.base import Simulator
 
 _ANY_CODE = ("libm", "numpy")
-"""What code may compute with that says nothing."""
+"""Libraries that code may use when it declares nothing."""
 _HEAVY = ("torch", "onnxruntime")
-"""Loaded by who needs them, never by us."""
+"""Libraries that agents load, never this package."""
 _SIZE = 37
-"""No multiple of any vector width: the ends of loops are computed, too. So small that no library uses several threads,
-because their number changes the bits of a product."""
+"""Size of the test arrays: no multiple of any vector width, so that the ends of loops are computed, too, and so small
+that no library uses several threads, whose number would change the bits of a product."""
 _PROBE = (
     b'\x08\x08:j\n\x12\n\x01x\n\x01x\x12\x02xx"\x06MatMul\n\r\n\x02xx\x12\x01y"\x04Tanh\x12\x05probe'
     b"Z\x13\n\x01x\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%b\x14\n\x02xx\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%"
     b"b\x13\n\x01y\x12\x0e\n\x0c\x08\x01\x12\x08\n\x02\x08%\n\x02\x08%B\x04\n\x00\x10\r"
 )
-"""The model `y = tanh(x @ x)` of 37 x 37 numbers in the ONNX format, which only a package of its own could write."""
+"""The model `y = tanh(x @ x)` of 37 x 37 numbers in the ONNX format; writing it would need another package."""
 
 
 def with_machine(result: EpisodeResult, agent: object, world: Simulator) -> EpisodeResult:
-    """Return the result with what its bits depend on beside the world's versions: of libraries, and of the machine.
+    """Return the result with `versions` of libraries and digests of the machine added to the world's versions.
 
-    `agent` is who drove, or its factory.
+    `agent` is the agent that drove, or its factory.
     """
     return replace(result, versions={**library_versions(agent), **result.versions, **machine_facts(agent, world)})
 
 
 def machine_facts(agent: object = None, world: object = None) -> Mapping[str, str]:
-    """Return 12 hex digits of what each library computes here that an episode of the agent in the world depends on.
+    """Return a digest (12 hex digits) of each library on this machine that an episode of the agent depends on.
 
-    Those are the modules that an agent names (`computed_by`); of one that names none the C library and numpy, and torch
-    and ONNX Runtime where it holds any of them. A world without `portable_bits` computes with the C library and numpy.
-    What other agents imported does not matter: an episode gets the same entries in every process and order.
+    The libraries are the modules that the agent names in `computed_by`. For an agent that names none they are the C
+    library and numpy, and torch and ONNX Runtime if the agent holds objects of them. A world without `portable_bits`
+    adds the C library and numpy. Imports of other agents do not matter: an episode gets the same entries in every
+    process and order.
     """
     named = computing_modules(agent)
     if named is None:
@@ -126,7 +127,7 @@ def _of_torch() -> str:
 
 @functools.cache
 def _of_onnxruntime() -> str:
-    """Return the digest of a matrix product and a tanh, as a model of their own."""
+    """Return the digest of a matrix product and a tanh, computed by an ONNX model."""
     runtime: Any = sys.modules["onnxruntime"]
     options = runtime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
@@ -141,7 +142,7 @@ _COMPUTED: Mapping[str, Callable[[], str]] = {
 
 
 def _holds(agent: object, library: str) -> bool:
-    """Return whether the agent, what it keeps, or the module that it is written in, has something of the library."""
+    """Return whether the agent, its attributes or its module hold an object of the library."""
     if library not in sys.modules:
         return False
     module = sys.modules.get(type(agent).__module__)

@@ -1,7 +1,7 @@
-"""Drives without an agent: the controls of an earlier drive are given again.
+"""Drives without an agent: repeats the controls of an earlier drive.
 
-What drove may depend on the processor; the world does not. So the trajectory comes back to the last bit on any machine,
-and an episode whose process died has a score.
+An agent's controls may depend on the processor, the world does not. So the trajectory repeats to the last bit on any
+machine, and an episode whose process died gets a score.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pytest_drive_robust.simulators.base import Simulator
 
 
 class StoredControls:
-    """Gives one control after the other, then raises `IndexError`."""
+    """An agent that returns given controls, one in each call of `act`, then raises `IndexError`."""
 
     portable_bits = True
 
@@ -43,19 +43,19 @@ class StoredControls:
 
     @classmethod
     def of(cls, stored: EpisodeResult) -> StoredControls:
-        """Return one that gives what the vehicle got in each tick of `stored`.
+        """Return an agent that repeats the controls that the vehicle got in each tick of `stored`.
 
-        Drive it clean: what the setting did to the controls is in them already.
+        Drive it under `clean`: the controls already contain the effect of the setting.
         """
         rows = zip(*(values.tolist() for values in stored.trace.columns("throttle", "steer", "brake")), strict=True)
         return cls((Control(*row) for row in rows), told=f": {stored.outcome.value}, {stored.end_detail}")
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Return the cameras that it was made with."""
+        """Return the cameras given to the constructor."""
         return self._cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """Do nothing: the first control is that of the first tick."""
+        """Do nothing: the controls begin with the first tick."""
 
     def act(self, observation: Observation) -> Control:
         """Return the next control."""
@@ -67,9 +67,10 @@ class StoredControls:
 
 @dataclass(frozen=True, slots=True)
 class RecordedControls:
-    """What is known of an episode whose process ended: of its agent, and of every tick that was driven.
+    """The known part of an episode whose process ended: the agent's declarations and the controls of driven ticks.
 
-    `asked` are the agent's answers, None where it was not asked; `applied` is what the vehicle got.
+    `asked` holds the agent's answers, None for a tick in which the agent was not asked; `applied` holds the controls
+    that the vehicle got.
     """
 
     cameras: tuple[CameraSpec, ...]
@@ -81,7 +82,7 @@ class RecordedControls:
 
 @dataclass
 class _AsApplied(Perturbation):
-    """Asks the agent when it was asked and gives the vehicle what it got, whatever the rest of the setting does now."""
+    """Repeats recorded ticks: asks the agent in the same ticks, and gives the vehicle the recorded controls."""
 
     asked: Sequence[Control | None]
     applied: Sequence[Control]
@@ -94,10 +95,10 @@ class _AsApplied(Perturbation):
 
 
 def drive_again(simulator: Simulator, recorded: RecordedControls, request: EpisodeRequest) -> EpisodeResult:
-    """Drive the episode up to where the agent was lost, as if the agent had raised there.
+    """Return the result of the recorded ticks, as if the agent had raised an error after them.
 
-    The setting has the observations and the controls that it had, so its schedule comes out, too. The world goes the
-    way that it went also where the wall clock decided what the setting did.
+    The perturbations get the same observations and controls as before, so their schedule comes out, too. The world
+    repeats its way even when the wall clock decided what the setting did.
     """
     controls = [control for control in recorded.asked if control is not None]
     agent = StoredControls(controls, cameras=recorded.cameras, consumes=recorded.consumes)
@@ -108,7 +109,7 @@ def drive_again(simulator: Simulator, recorded: RecordedControls, request: Episo
 
 
 def bare_result(route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str) -> EpisodeResult:
-    """Return the result of an episode of which nothing but its end is known."""
+    """Return the result of an episode of which only the end is known: no ticks, no scores."""
     return EpisodeResult(
         episode=episode,
         scenario=route.scenario.type,

@@ -1,4 +1,4 @@
-"""What was around the ego while it drove, and what the agent meant to do: kept for people, decides no number."""
+"""Records the actors around the ego and the agent's plans, for films and pages; no number depends on this record."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from pytest_drive_robust.runner.episode.contract import agent_plan
 Ints = NDArray[np.int32]
 
 EVERY_TICKS = 4
-"""5 Hz: between two samples an actor at 20 m/s moves 4 m, which a straight line follows to the centimetre."""
+"""Ticks between samples (5 Hz): an actor at 20 m/s moves 4 m between two, which a line follows to the centimetre."""
 _PLAN_EVERY_TICKS = 8
 _MOST_POINTS = 10
-"""Of each kind in a plan; of longer ones every n-th is kept, and the last."""
+"""Most points of each kind in a plan; of a longer plan every n-th point and the last one are kept."""
 _RADIUS_M = 120.0
 _FARTHEST_M = 1000.0
 _PER_M, _PER_RAD, _POINTS_PER_M = 100.0, 1000.0, 10.0
 
 
 class Surroundings:
-    """Collects what becomes `Tracks`. A world or a plan that cannot be noted leaves nothing, and harms no episode.
+    """Collects samples for `Tracks`. A world or a plan that cannot be recorded leaves no record and breaks no episode.
 
-    From the tick `next_plan` on the plan behind an answer is to be seen.
+    `next_plan` is the first tick in which the agent's next plan is to be recorded.
     """
 
     def __init__(self) -> None:
@@ -44,10 +44,10 @@ class Surroundings:
         self.next_plan = 0
 
     def see(self, state: WorldState) -> None:
-        """Keep the world at the beginning of a tick that is a multiple of `EVERY_TICKS`."""
+        """Record the world at the beginning of a tick. Called in every multiple of `EVERY_TICKS`."""
         try:
             self._note(state)
-        except Exception:  # a table of another width than before, or none at all
+        except Exception:  # the table of actors is missing or has another width than before
             self._strange = True
 
     def _note(self, state: WorldState) -> None:
@@ -61,32 +61,32 @@ class Surroundings:
         self._lights.append(state.lights.copy())
 
     def _grow(self, actors: Any, ends: int) -> None:
-        """Make room for twice what is needed: one table is read faster than many small ones."""
+        """Enlarge the table to twice the needed rows: one table is read faster than many small ones."""
         rows = np.empty((max(1024, 2 * ends), *actors.shape[1:]))
         rows[: self._used] = self._rows[: self._used] if self._used else 0.0
         self._rows = rows
 
     def see_plan(self, tick: int, agent: Agent) -> None:
-        """Keep the agent's plan, where it has one. One that raises is not asked again in this episode."""
+        """Record the agent's plan, if any. An agent whose `plan` raises is not asked again in this episode."""
         self.next_plan = tick + _PLAN_EVERY_TICKS
         try:
             plan = agent_plan(agent)
         except AgentError:  # no `plan` at all is the usual case
             self.next_plan = 1 << 60
             return
-        with suppress(Exception):  # whatever an agent calls a plan
+        with suppress(Exception):  # an agent's `plan` may return anything
             self._note_plan(tick, plan)
 
     def _note_plan(self, tick: int, plan: PlannedPath) -> None:
-        """Copy the points, because the agent may reuse their memory; leave out a plan with a point that is none."""
+        """Copy the points, because the agent may reuse their memory; skip a plan with a point not finite or too far."""
         parts = [_thinned(part) for part in (plan.path, plan.target_points, plan.speed_points)]
         found = [(float(forward), float(right)) for part in parts for forward, right in part]
-        if all(math.hypot(*point) <= _FARTHEST_M for point in found):  # not finite is not near either
+        if all(math.hypot(*point) <= _FARTHEST_M for point in found):  # False for NaN, too
             self._plans.append((tick, len(parts[0]), len(parts[1]), len(parts[2])))
             self._points += found
 
     def tracks(self) -> Tracks | None:
-        """Return what was seen; None when nothing was, or when the world's tables are no such tables."""
+        """Return the recorded tracks; None when nothing was recorded, or when the world's tables are malformed."""
         if not self._egos or self._strange:
             return None
         try:
@@ -100,11 +100,10 @@ class Surroundings:
 
 
 def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) -> tuple[Ints, Ints]:
-    """Return `Tracks.actors` and `Tracks.motion`: an actor that goes away and comes back has two tracks.
+    """Return `Tracks.actors` and `Tracks.motion`. An actor that leaves and comes back has two tracks.
 
-    `egos` has a row for each sample: how many of `rows` it has, and where the ego was.
-
-    Column by column, and without what numpy takes its time for: every episode waits for it.
+    `egos` has a row for each sample: its number of `rows`, and the ego's x and y in metres. The code works column by
+    column and avoids slow functions of numpy, because every episode waits for the result.
     """
     table = np.array(egos)
     of_state = np.repeat(np.arange(len(egos)), table[:, 0].astype(np.int64))
@@ -113,7 +112,7 @@ def _tracks_of(rows: NDArray[np.float64], egos: list[tuple[int, float, float]]) 
     near = np.flatnonzero(east * east + south * south <= _RADIUS_M * _RADIUS_M)
     if not len(near):
         return np.empty((0, 6), np.int32), np.empty((0, 4), np.int32)
-    order = near[np.argsort(rows[near, WorldState.ID], kind="stable")]  # the samples of each are in order already
+    order = near[np.argsort(rows[near, WorldState.ID], kind="stable")]  # stable: each actor's samples stay in order
     rows, sample = rows[order], of_state[order]
     ids, kinds, yaw = rows[:, WorldState.ID], rows[:, WorldState.KIND], rows[:, WorldState.YAW]
     first = np.ones(len(rows), bool)

@@ -1,6 +1,7 @@
-"""One thread for the libraries that compute, where episodes are driven in the process of the run.
+"""Limits computing libraries to one thread while episodes are driven in the process of the run.
 
-Sums over several threads differ in the last bits, and worker processes have one: what is driven here must be the same.
+Sums over several threads differ in the last bits. Worker processes have one thread, and an episode driven here must be
+the same.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ _LIBRARIES = (("torch", "get_num_threads", "set_num_threads"), ("cv2", "getNumTh
 
 
 class OneThread:
-    """Limits libraries while it is entered, and gives them back the threads that they had."""
+    """Limits libraries to one thread inside a `with` block, and restores their threads at its end."""
 
     def __init__(self) -> None:
         self._stack = ExitStack()
@@ -28,10 +29,10 @@ class OneThread:
         self._stack.close()
 
     def limit(self) -> None:
-        """Limit also what was loaded since, as by the agent that was made."""
-        from threadpoolctl import threadpool_limits  # a run from the store needs none of it
+        """Limit the libraries loaded by now; call again after an agent loaded more."""
+        from threadpoolctl import threadpool_limits  # late: a run from the store does not need it
 
-        # Looked for each time, in 2 ms: between two episodes tests have their threads back, and may load libraries.
+        # Searched each time, in 2 ms: between episodes a test has its threads back and may load libraries.
         self._stack.enter_context(threadpool_limits(limits=1))
         for name, getter, setter in _LIBRARIES:
             library = sys.modules.get(name)

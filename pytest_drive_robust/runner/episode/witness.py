@@ -1,9 +1,9 @@
-"""Watches both seams of an episode: did the perturbations change what the agent got, or what the vehicle got?
+"""Watches both seams of an episode: did the perturbations change the agent's observation or the vehicle's control?
 
-A perturbation that says in its schedule what it injected may still have changed nothing: zero metres of noise, a
-camera that the agent does not have. So the loop compares, which must cost next to nothing: objects by identity first,
-then ticks and values. Pixels are compared only where images lie in different memory with the same tick of capture, and
-only until that camera was seen to change once; from then on other memory counts as changed.
+A perturbation may list an injection in its schedule and still change nothing: zero metres of noise, or a camera that
+the agent does not have. So the loop compares, at almost no cost: first objects by identity, then ticks and values.
+Pixels are compared only for images in different memory with the same tick of capture, and only until a change of that
+camera was seen once; after that, different memory counts as a change.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.result import CONTROL, Given, Reception, Touch, 
 
 
 class Witness:
-    """The count of one episode. `seen` and `applied` are called once a tick at most and cost a microsecond or two."""
+    """Counts the changed ticks of one episode. `seen` and `applied` run at most once per tick, 1 to 2 us each."""
 
     __slots__ = ("_cameras", "_consumes", "_counts", "_firsts", "_observations", "_told")
 
@@ -32,7 +32,7 @@ class Witness:
         self._told = array("f")
 
     def seen(self, captured: Observation, given: Observation) -> None:
-        """Compare: the agent is `given` this in place of what the sensors `captured`."""
+        """Compare the observation `given` to the agent with the observation `captured` by the sensors."""
         self._observations += 1
         gps = given.gps
         self._told.extend((captured.tick, gps.x_m, gps.y_m, given.compass.heading_rad, given.speed.mps))
@@ -49,19 +49,19 @@ class Witness:
             self._compare_images(captured, given)
 
     def applied(self, tick: int, asked: Control | None, given: Control) -> None:
-        """Compare: the vehicle is `given` this; `asked` is the agent's answer, None when it was not asked."""
+        """Compare the control `given` to the vehicle with the agent's answer `asked`, None when it was not asked."""
         if given is not asked and given != asked:
             self._touch(CONTROL, tick)
 
     def reception(self) -> Reception:
-        """Return what was seen so far."""
+        """Return the counts of changes so far."""
         touched = tuple(Touch(signal, count, self._firsts[signal]) for signal, count in self._counts.items())
         return Reception(self._cameras, self._consumes, self._observations, touched)
 
     def given(self) -> Given:
-        """Return what the agent was told so far, in memory of its own."""
+        """Return the signals that the agent was given so far, in their own memory."""
         width = len(Given.COLUMNS) + len(self._cameras)
-        whole = len(self._told) // width  # the last one breaks off where a perturbation gave no number
+        whole = len(self._told) // width  # the last row is partial when a perturbation gave no number
         return Given(read_only(np.array(self._told[: whole * width], dtype=np.float32).reshape(whole, width)))
 
     def _compare_images(self, captured: Observation, given: Observation) -> None:

@@ -1,1 +1,1 @@
-"""The closed loop of many episodes at once."""
+"""Drives many episodes at once: their closed loops in lockstep."""

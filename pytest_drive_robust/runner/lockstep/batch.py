@@ -1,6 +1,7 @@
-"""A batch of a size that was checked: the episodes that ask in this tick, and stand-ins; and who may be driven so.
+"""Batches of checked sizes, made of the episodes that ask in a tick and of stand-ins; the lockstep check of an agent.
 
-An agent may whose `act_batch` gives the same bits in any company, with its own network on this machine.
+An agent may be driven in lockstep when its `act_batch` gives the same bits in any batch, with its own network on this
+machine.
 """
 
 from __future__ import annotations
@@ -21,9 +22,9 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
 ROWS = 4
-"""Widths are multiples of this: with one thread they agree to the bit where smaller and uneven batches do not."""
+"""Widths are multiples of this number: with one thread they agree to the bit; smaller and uneven batches do not."""
 WIDTH = 8
-"""Episodes in lockstep when nobody says otherwise: sixteen gain nothing more where six cameras fill the cache."""
+"""Default number of episodes in lockstep: sixteen are no faster when six cameras fill the cache."""
 _ADVICE = (
     "Usual causes: batch normalisation or dropout in training mode, attention or statistics across rows, state that "
     "agents share, more than one thread, a layer of few outputs whose number of inputs is no multiple of four (pad it: "
@@ -38,21 +39,24 @@ def sizes(width: int) -> tuple[int, ...]:
 
 
 class Batch:
-    """Asks in the smallest of the `sizes` that holds who asks. Rows that nobody needs are filled by stand-ins.
+    """Asks agents in a batch of the smallest of the `sizes` that holds all asking episodes; stand-ins fill free rows.
 
-    The last episode of a run would else pay for seven more rows in every tick. A stand-in is an agent object of its own
-    that follows one of the episodes, reset like that one's agent and given the same observations. Its answers are
-    thrown away.
+    With one fixed size, the last episode of a run would pay for seven more rows in every tick. A stand-in is another
+    agent object that follows one of the episodes: it is reset like that episode's agent and given the same
+    observations. Its answers are discarded.
     """
 
     def __init__(self, width: int, take_agent: Callable[[], Agent], watch: Watch) -> None:
         self._sizes = sizes(width)
         self._take_agent = take_agent
         self._watch = watch
-        self._stand_ins: list[tuple[Agent, RunningEpisode | None]] = []  # and whom each follows
+        self._stand_ins: list[tuple[Agent, RunningEpisode | None]] = []  # each with the episode that it follows
 
     def ask(self, asked: Sequence[tuple[RunningEpisode, Observation]]) -> tuple[list[Control | AgentError], float]:
-        """Return an answer for each, and each one's share of the seconds. Raises `AgentError` for all of them."""
+        """Return an answer for each asking episode, and the seconds of the call divided by their number.
+
+        Raises `AgentError` when the whole batch broke.
+        """
         tick = asked[0][0].ticks
         try:
             self._watch.phase("reset", tick)
@@ -71,7 +75,7 @@ class Batch:
         return answers[: len(asked)], inference_s / len(asked)
 
     def give_back(self) -> list[Agent]:
-        """Return the agent objects that stood in, for other uses."""
+        """Return the agent objects of the stand-ins, for reuse."""
         stand_ins, self._stand_ins = self._stand_ins, []
         return [agent for agent, _ in stand_ins]
 
@@ -92,7 +96,7 @@ class Batch:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """What one agent was given: the arguments of its `reset`, then observations."""
+    """The inputs of one agent: the arguments of its `reset`, then observations."""
 
     plan: GlobalPlan
     seed: int
@@ -102,9 +106,10 @@ class Recording:
 def admit(
     world: Simulator, make_agent: Callable[[], Agent], request: EpisodeRequest, *, width: int, watch: Watch | None
 ) -> bool:
-    """Drive the beginning of `request` by `act`, then ask `act_batch` about it in batches of several widths.
+    """Check an agent for lockstep: record the beginning of `request`, then ask `act_batch` in several widths.
 
-    False when nothing was seen to ask about. Raises `UsageError` for an agent that must not be driven in lockstep.
+    Returns False when there was no observation to check with. Raises `UsageError` for an agent that must not be driven
+    in lockstep.
     """
     recording = record(world, make_agent(), request, watch=watch)
     if recording is None:
@@ -127,9 +132,10 @@ def record(
     every: int = 8,
     watch: Watch | None = None,
 ) -> Recording | None:
-    """Drive the beginning of `request` by the agent's own `act` and keep every so many-th observation, up to `count`.
+    """Drive the beginning of `request` by the agent's `act`; keep one observation in `every` ticks, up to `count`.
 
-    None when the world, the agent or a perturbation broke before anything was seen. `watch` is told whose code runs.
+    Returns None when the world, the agent or a perturbation broke before the first observation. `watch` is told whose
+    code runs.
     """
     running = RunningEpisode(world, agent, request.route, request.setting, request.episode.seed, watch=watch)
     running.attempt(running.start)
@@ -154,15 +160,15 @@ def check_lockstep(
     *,
     watch: Watch | None = None,
 ) -> str | None:
-    """Return in one sentence why the agent must not be driven in lockstep, or None when nothing speaks against it.
+    """Return one sentence why the agent must not be driven in lockstep, or None when it may.
 
-    The same observations are given in batches of all `widths`, at other places and among other neighbours; every
-    control must agree to the last bit. `watch` is told whose code runs. Raises `ValueError` without recordings and for
+    The same observations are given in batches of all `widths`, in different rows and with different neighbours; every
+    control must agree to the last bit. `watch` is told whose code runs. Raises `ValueError` without recordings, and for
     widths that are no multiples of four.
     """
     if not recordings or any(width < ROWS or width % ROWS for width in widths):
         raise ValueError(f"expected recordings and widths that are multiples of {ROWS}, got widths {tuple(widths)}")
-    # The same in the other order is another episode for whoever remembers the last observation.
+    # The reversed order is another episode for an agent that remembers the last observation.
     streams = [replace(one, observations=one.observations[::step]) for one in recordings for step in (1, -1)]
     agents = [make_agent() for _ in range(max(widths))]
     if not offers_lockstep(agents[0]):
@@ -183,7 +189,7 @@ def check_lockstep(
 
 
 def _seatings(width: int, streams: int) -> Iterator[list[int]]:
-    """Yield who has which place: all mixed; one alone among equals, last; the same one, second, among others."""
+    """Yield the stream of each row, in three ways: all mixed; stream 0 last among equal ones; stream 0 second."""
     yield list(islice(cycle(range(streams)), width))
     yield [1] * (width - 1) + [0]
     yield [streams - 1, 0] + [streams // 2] * (width - 2)
@@ -192,7 +198,7 @@ def _seatings(width: int, streams: int) -> Iterator[list[int]]:
 def _answers(
     agents: Sequence[Agent], seating: Sequence[int], streams: Sequence[Recording], watch: Watch
 ) -> Iterator[tuple[int, int, int, Control]]:
-    """Yield (place, stream, moment, control) of every row. Raises `AgentError`."""
+    """Yield (row, stream, moment, control) for every row and moment. Raises `AgentError`."""
     rows = [streams[stream] for stream in seating]
     for agent, row in zip(agents, rows, strict=True):
         watch.phase("reset", 0)

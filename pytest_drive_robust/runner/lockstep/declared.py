@@ -1,4 +1,4 @@
-"""Whether an agent says that many of its episodes may be driven at once, before there is an agent."""
+"""Finds out, before an agent is made, whether its episodes may be driven in lockstep."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pytest_drive_robust.registry.registry import Registry
 
 
 def factory_offers_lockstep(agent: str, registry: Registry) -> bool:
-    """Return whether what makes the agent has an `act_batch`, or says that it returns a class that has one.
+    """Return whether the agent's factory has an `act_batch`, or its return annotation is a class that has one.
 
-    No agent is made: that belongs in the process that drives it. Raises `UnknownNameError` or `PluginError`.
+    No agent is made here: only the process that drives an agent makes it. Raises `UnknownNameError` or `PluginError`.
     """
     factory = registry.entry("agents", agent).load()
     made = None

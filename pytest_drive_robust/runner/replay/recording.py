@@ -1,4 +1,4 @@
-"""Drives an episode exactly as the loop does, and keeps what a film of it needs: a `Tape`."""
+"""Drives an episode exactly as a run does, and records a `Tape`: everything that a film needs."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ _JPEG_QUALITY = 92
 
 
 def main_camera(names: Iterable[str]) -> str:
-    """Return the camera to show in large: the one named `front`, else the middle one. There must be one."""
+    """Return the camera to show large: `front`, else the middle one. `names` must not be empty."""
     listed = list(names)
     return "front" if "front" in listed else listed[len(listed) // 2]
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """One image of a moment as a JPEG, no wider than a panel of a film needs it; `tick` is the tick of its capture."""
+    """One camera image as a JPEG, at most 640 px wide; `tick` is the tick of its capture."""
 
     camera: str
     tick: int
@@ -46,7 +46,7 @@ class Picture:
 
     @classmethod
     def of(cls, camera: str, image: Image) -> Picture:
-        """Compress an image of that camera."""
+        """Return the compressed image of `camera`."""
         pixels = image.pixels[:, :, ::-1]
         height, width = pixels.shape[:2]
         if width > _WIDEST_PX:
@@ -63,12 +63,12 @@ class Picture:
 
 @dataclass(frozen=True, slots=True)
 class TapedMoment:
-    """The world at the beginning of a tick, and what agent and vehicle did in it.
+    """The world at the beginning of a tick, and what the agent and the vehicle did in that tick.
 
-    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given; `real` is the picture of its main
-    camera before the perturbations, where they changed it. `asked` is the agent's newest control (None before its
-    first), `applied` what the vehicle got; `plan` holds the agent's newest plan with its points in metres of the world.
-    The last moment of a tape is the end: nothing is asked or applied any more.
+    `pictures`, `gps` (x, y in metres) and `speed_mps` are what the agent was given. `real` is the picture of the main
+    camera before the perturbations, None when they did not change it. `asked` is the agent's newest control, None
+    before its first; `applied` is the control that the vehicle got. `plan` is the agent's newest plan, with points in
+    world coordinates in metres. The last moment of a tape is the end of the episode, without `asked` and `applied`.
     """
 
     state: WorldState
@@ -101,7 +101,7 @@ class Tape:
         return {item.camera: (item.pixels(), item.tick) for item in self.moments[position].pictures}
 
     def real(self, position: int) -> Pixels | None:
-        """Return what the main camera would have shown, where the agent was given something else."""
+        """Return the main camera's image before the perturbations, (height, width, 3) uint8 RGB; None if unchanged."""
         picture = self.moments[position].real
         return None if picture is None else picture.pixels()
 
@@ -116,10 +116,10 @@ def record_episode(
     agent_name: str,
     ticked: Callable[[int], object] | None = None,
 ) -> Tape:
-    """Drive one episode as a run does and record it; the trajectory is the same bit for bit.
+    """Drive one episode as a run does and return its tape; the trajectory is the same bit for bit.
 
-    Where the agent has no camera, one is mounted whose images only the film gets. `ticked(tick)` is called after every
-    tick. Raises `SimulationError` when not even the world could be built.
+    For an agent without a camera, a camera is mounted whose images only the film gets. `ticked(tick)` is called after
+    every tick. Raises `SimulationError` when the world could not be built.
     """
     episode = Episode(agent_name, route.id, str(setting), seed)
     recording = _Recording(ticked or (lambda tick: None))
@@ -129,7 +129,7 @@ def record_episode(
 
 
 def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
-    """Return a clause on where two drives of one episode differ first; empty when they are the same bits."""
+    """Return a clause that says where two drives of one episode first differ; `""` when they are the same bits."""
     if driven.trace.digest == stored.trace.digest:
         return ""
     shared = min(driven.ticks, stored.ticks)
@@ -142,7 +142,7 @@ def difference(driven: EpisodeResult, stored: EpisodeResult) -> str:
 
 
 class _Recording(Watch):
-    """The moments of an episode that is driven."""
+    """Records the moments of an episode while it is driven."""
 
     def __init__(self, told: Callable[[int], object]) -> None:
         self._told = told
@@ -152,7 +152,7 @@ class _Recording(Watch):
         self._plan_problem = ""
 
     def tape(self, running: RunningEpisode, episode: Episode) -> Tape:
-        """Drive to the end. Raises `SimulationError` when not even the world could be built."""
+        """Drive to the end and return the tape. Raises `SimulationError` when the world could not be built."""
         self._running = running
         running.attempt(running.start)
         truth = None if running.state is None else running.attempt(running.simulator.truth)
@@ -167,12 +167,12 @@ class _Recording(Watch):
         return Tape(result, moments, truth.lane_map, truth.route, running.shows_view, self._plan_problem)
 
     def _look_at_plan(self, ego: EgoState) -> None:
-        """Keep the plan that the agent made in this tick, where the ego was then."""
+        """Keep the plan that the agent made in this tick, in world coordinates by the ego's present pose."""
         plan: Any = getattr(self._running.agent, "plan", None)
         if callable(plan) and not self._plan_problem:
             try:
                 self._planned = _in_world(plan(), ego)
-            except (Exception, SystemExit) as error:  # a broken overlay is no reason to lose the film, nor the episode
+            except (Exception, SystemExit) as error:  # a broken plan must not lose the film or the episode
                 self._planned, self._plan_problem = None, blame("plan", error)
 
     def ticked(
@@ -197,7 +197,7 @@ class _Recording(Watch):
         self._told(tick)
 
     def _unlike(self, given: Mapping[str, Image]) -> Picture | None:
-        """Return the picture of the main camera before the perturbations; None where they did not change it."""
+        """Return the picture of the main camera before the perturbations; None when they did not change it."""
         if not given:
             return None
         name = main_camera(given)
@@ -208,7 +208,7 @@ class _Recording(Watch):
 
 
 def _in_world(plan: PlannedPath, ego: EgoState) -> PlannedPath:
-    """Return the plan with its points in the world instead of the ego's frame. Raises `ValueError` for a bad one."""
+    """Return the plan with points in world instead of ego coordinates. Raises `ValueError` for a point not finite."""
     c, s = math.cos(ego.yaw_rad), math.sin(ego.yaw_rad)
 
     def turned(points: Iterable[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
