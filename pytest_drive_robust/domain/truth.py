@@ -39,7 +39,7 @@ class ActorKind(IntEnum):
 
 
 class ActorState(IntFlag):
-    """What an actor shows."""
+    """The lights and the siren that an actor shows."""
 
     NONE = 0
     BRAKING = 1
