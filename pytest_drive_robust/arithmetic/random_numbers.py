@@ -30,7 +30,7 @@ Range = Tuple[float, float]  # noqa: UP006
 
 
 class RandomNumbers:
-    """A row of random numbers that depends on `key` and on nothing else.
+    """A sequence of random numbers that depends only on `key`.
 
     `key` is two whole numbers of 64 bits, or the sixteen bytes that they are made of, least significant first.
 
