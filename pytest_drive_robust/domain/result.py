@@ -1,4 +1,4 @@
-"""What one episode produced: facts only. Scores are computed from it by `metrics`."""
+"""The facts that one episode produced; `metrics` computes scores from these facts."""
 
 from __future__ import annotations
 
