@@ -109,7 +109,7 @@ class Perturbation:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, for the record. Called once, at the end of the episode.
 
-        By default that is what `self._spans` noted, if `reset` made one (see `context.Spans`), else nothing.
+        The default returns the ticks that `self._spans` noted, if `reset` made one (see `context.Spans`).
         """
         spans: Spans | None = vars(self).get("_spans")
         return () if spans is None else spans.injections()
@@ -207,7 +207,7 @@ class Setting:
 
     @classmethod
     def parse(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
-        """Read what `str()` writes, over the perturbation classes `known` (default: the built-in ones).
+        """Parse a sentence that `str()` writes; `known` are the perturbation classes (default: the built-in ones).
 
         Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
         """

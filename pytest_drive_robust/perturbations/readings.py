@@ -1,7 +1,8 @@
 """Readings: the two ways in which the failures of Bench2Drive-Robust can be read, as presets of their switches.
 
-The paper states equations; its numbers were produced by a wrapper that does something else in places. `paper` is the
-first and the default, `released` the second. A reading sets the switches that nobody said, fields of the failure:
+The paper states equations, but a wrapper that differs from these equations in places produced its numbers. `paper`, the
+default, follows the equations, `released` the wrapper. Switches are fields of a failure; a reading sets every switch
+that the caller did not give:
 
 =================== ================================================== ==============================================
 failure             `paper`                                            `released`

@@ -189,10 +189,10 @@ def brackets(perturbation: Spoken) -> str:
 
 
 def parse(text: str, known: Iterable[type[_S]]) -> _S:
-    """Read what `render` writes, over the classes `known`. Case and spacing do not matter; `"200ms latency"` is fine.
+    """Parse a sentence that `render` writes, of one of the classes `known`.
 
-    Raises `RequirementError` with the nearest valid sentence, and `PerturbationError` when the sentence is right but
-    its severity is not.
+    Case and spacing do not matter; `"200ms latency"` is fine. Raises `RequirementError` with the nearest valid
+    sentence, and `PerturbationError` when the sentence is right but its severity is not.
     """
     classes = list(known)
     found = _match(text, classes)
