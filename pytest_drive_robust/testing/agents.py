@@ -1,4 +1,4 @@
-"""Agents for tests: one that drives by a script, one that records another agent."""
+"""Agents for tests: `ScriptedAgent` drives by a script, `RecordingAgent` records another agent."""
 
 from __future__ import annotations
 

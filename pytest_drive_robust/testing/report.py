@@ -1,4 +1,4 @@
-"""What a contract check found: one line for each promise."""
+"""The report of a contract check: one line for each promise."""
 
 from __future__ import annotations
 
