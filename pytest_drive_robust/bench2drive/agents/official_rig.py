@@ -51,7 +51,7 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True)
 class OfficialRig:
-    """`sensors` in the agent's order, and `cameras` for the simulator; a camera has the same name in both."""
+    """Sensors in the agent's order, and cameras for the simulator; a camera has the same name in both."""
 
     sensors: tuple[Sensor, ...]
     cameras: tuple[CameraSpec, ...]

@@ -60,7 +60,7 @@ def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.f
     seen = np.flatnonzero(met[:, 0] > -2)
     away, box, slope = flat[seen, 0], met[seen, 0], slopes[seen, 0]
     own = ego.speed_mps * np.array([np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)])
-    moving = np.concatenate([velocities, np.zeros((1, 2))])[box] - own  # -1, the ground, is the row that stands
+    moving = np.concatenate([velocities, np.zeros((1, 2))])[box] - own  # -1, the ground, takes the last row: velocity 0
     along = np.stack([np.cos(pose[2] + azimuths[seen]), np.sin(pose[2] + azimuths[seen])], axis=1)
     velocity = (moving * along).sum(axis=1) / np.sqrt(1.0 + slope**2)
     depth = away * np.sqrt(1.0 + slope**2)

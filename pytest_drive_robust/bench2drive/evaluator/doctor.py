@@ -145,7 +145,7 @@ def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
 
 
 def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
-    """Ask the evaluator's Python, with the evaluator's environment, what it can import."""
+    """Check which modules the evaluator's Python can import, with the evaluator's environment."""
     hint = "Give the Python of the agent's environment with --python."
     try:
         ended = subprocess.run(

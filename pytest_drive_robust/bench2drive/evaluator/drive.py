@@ -1,4 +1,4 @@
-"""One route in the official evaluator, as often as harness errors make it necessary."""
+"""Drive one route in the official evaluator, again after harness errors."""
 
 from __future__ import annotations
 

@@ -162,7 +162,7 @@ def _duration_s(fields: Mapping[str, Any], name: str, where: str) -> float:
     return 0.0 if finite(fields.get(name)) == -1.0 else _number(fields, name, where)
 
 
-# The same language as the official `\b\d+\.?\d*%`, which takes quadratic time on long rows of digits.
+# Matches the same texts as the official `\b\d+\.?\d*%`, which takes quadratic time on long rows of digits.
 _OFFICIAL = re.compile(r"\b\d+(?:\.\d*)?%")
 _NUMBER = r"(?<![\w.+-])([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
 _SPEED = re.compile(_NUMBER + "%")

@@ -90,7 +90,7 @@ def foreign_records(
 
 def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
     count = score.records
-    assert score.ds is not None  # official sums always are
+    assert score.ds is not None  # an official sum is never None
     assert score.sr is not None
     if count != OFFICIAL_ROUTES and (score.ds or score.sr):
         factor = OFFICIAL_ROUTES / count

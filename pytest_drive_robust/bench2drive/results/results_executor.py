@@ -280,7 +280,7 @@ def _require_own_drives(sources: Sequence[ResultsSource], failing: Collection[st
     """
     for one, other in combinations(sources, 2):
         if not {one.setting, other.setting} & set(failing):
-            continue  # one clean drive may be what several settings are compared with
+            continue  # several settings may be compared with one clean drive
         for key in one.records.keys() & other.records.keys():
             again = {_drive_of(record) for record in other.records[key]}
             for record in one.records[key]:

@@ -158,7 +158,7 @@ class AutonomousAgent:
         return carla.VehicleControl()
 
     def destroy(self) -> None:
-        """Give back what `setup` took."""
+        """Free the resources of `setup`."""
 
     def get_hero(self) -> None:
         """Look up the vehicle (Bench2Drive's method). The adapter has set `hero_actor` already."""
