@@ -7,7 +7,7 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 
 def official_evaluator(options: SimulatorOptions) -> Simulator:
-    """Raise `UsageError`: only pytest starts the official evaluator, and no simulator object exists for it."""
+    """Raise `UsageError`: no simulator object exists for the official evaluator; pytest starts the evaluator itself."""
     raise UsageError(
         "bench2drive is the official evaluator, which is started by pytest only: "
         "pytest --drive-robust --drive-sim bench2drive --drive-b2d-root=FOLDER."
