@@ -1,9 +1,9 @@
 """Arithmetic that rounds the same on every IEEE machine: elementary functions, sums, lines and random numbers.
 
-The C library, BLAS and numpy's vector code choose among code paths by processor, and these differ in the last bit; a
-closed loop makes another episode of it. Everything here takes only what IEEE 754 defines to the last bit (`+ - * /`,
-square root, comparison, sign, powers of two) in an order that the text states. No compiler may fuse two of these
-operations, because numba, numpy and Python translate each by itself.
+The C library, BLAS and numpy's vector code choose among code paths by processor. These paths differ in the last bit,
+and a closed loop turns this difference into another episode. Everything here uses only operations that IEEE 754 defines
+to the last bit (`+ - * /`, square root, comparison, sign, powers of two), in the order of the source. No compiler may
+fuse two of these operations, because numba, numpy and Python translate each by itself.
 
 - `scalars`: elementary functions of floats, plain Python
 - `arrays`: the same functions of arrays, bit for bit

@@ -1,6 +1,6 @@
 """Elementary functions of arrays, bit for bit those of `scalars`, for any shape; numbers and lists count as arrays.
 
-They are written with operations of numpy that round correctly, one at a time. Nothing warns: what has no value is NaN.
+Each function uses numpy operations that round correctly, one at a time. No function warns: an undefined result is NaN.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _floats(x: ArrayLike) -> Floats:
 
 
 def _usual_angles(x: ArrayLike) -> Floats:
-    """Return angles within the usual range that are `x` but for whole turns; NaN for what has none."""
+    """Return `x` rad, with angles beyond `LARGEST_ANGLE_RAD` reduced by whole turns; NaN for infinity and NaN."""
     angles = _floats(x)
     large = ~(np.abs(angles) <= LARGEST_ANGLE_RAD)
     if not large.any():
@@ -73,7 +73,7 @@ def atan(x: ArrayLike) -> Floats:
     size = np.abs(x)
     part = np.searchsorted(_BOUNDS, size, side="right")
     a, b, c, d, high, low = _PARTS[:, part]
-    size = np.minimum(size, 1e300)  # beyond it the angle is a right one all the same
+    size = np.minimum(size, 1e300)  # beyond 1e300 the result is pi / 2 in any case
     angle: Floats = np.copysign(arctangent((a * size + b) / (c * size + d), high, low), x)
     return angle
 
@@ -124,7 +124,7 @@ def power(x: ArrayLike, y: ArrayLike) -> Floats:
 
 @_quiet
 def hypot(x: ArrayLike, y: ArrayLike) -> Floats:
-    """Return the length of each (x, y), whose parts are below 1e150; what is below 1e-150 counts as 0."""
+    """Return the length of each (x, y). Parts must be below 1e150; a part below 1e-150 counts as 0."""
     x, y = _floats(x), _floats(y)
     length: Floats = np.sqrt(x * x + y * y)
     return length

@@ -1,7 +1,7 @@
 """Elementary functions of `scalars` for compiled code, bit for bit; `hypot` and `wrap_angle` for Python, too.
 
-They take and return floats. Their machine code is made when a kernel that calls one is compiled: importing them does
-not load numba.
+The functions take and return floats. The machine code of a function is made when a kernel that calls it is compiled, so
+importing this module does not load numba.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _FOR_PYTHON = ("hypot", "wrap_angle")
 
 
 class CompiledFunction:
-    """What stands in a kernel for a function of this module; numba asks it for `_numba_type_`."""
+    """Stand-in for one function of this module in a kernel; numba reads its `_numba_type_`."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -34,7 +34,7 @@ class CompiledFunction:
         return numba_type(self.name)
 
     def load(self) -> None:
-        """Make or load the machine code, which that of a kernel, once loaded, calls by name."""
+        """Compile or load the machine code; a kernel that is loaded from the cache calls this code by its symbol."""
         from pytest_drive_robust.arithmetic import symbols  # loads numba
 
         symbols.load(self.name)
@@ -46,7 +46,7 @@ class CompiledFunction:
 
 
 def __getattr__(name: str) -> CompiledFunction:
-    """Return a function for kernels."""
+    """Return the `CompiledFunction` of this name. Raises `AttributeError` for a name that is not in `__all__`."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     function = globals()[name] = CompiledFunction(name)

@@ -1,8 +1,8 @@
 """Random numbers that are the same with every version of numpy and on every machine.
 
-numpy promises the words of its bit generators and nothing that it makes of them (NEP 19). Here only the 64-bit words
-of a Philox generator are taken (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC 2011); what is made
-of them is plain arithmetic.
+numpy promises the words of its bit generators, but not the numbers that it makes of these words (NEP 19). This module
+takes only the 64-bit words of a Philox generator (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC
+2011) and turns these words into numbers by plain arithmetic.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _UNIT = 2.0**-53
 _HALF_WORD = 0xFFFFFFFF
 
 Range = Tuple[float, float]  # noqa: UP006
-"""The least and the greatest of what is drawn."""
+"""(least, greatest) value of a draw."""
 
 
 class RandomNumbers:
-    """A row of random numbers that depends on `key` and on nothing else.
+    """A sequence of random numbers that depends only on `key`.
 
     `key` is two whole numbers of 64 bits, or the sixteen bytes that they are made of, least significant first.
 
@@ -43,11 +43,11 @@ class RandomNumbers:
 
         words = np.frombuffer(key, "<u8") if isinstance(key, bytes) else np.array(key, np.uint64)
         self._words = np.random.Philox(key=words)
-        self._half: int | None = None  # of a word that was split, what is still to be given
+        self._half: int | None = None  # the unused half of the last word that was split
 
     @classmethod
     def of(cls, *names: object) -> RandomNumbers:
-        """Return the numbers of some names: what they are for, of which route, with which seed."""
+        """Return the random numbers that are keyed by `names`, such as a purpose, a route and a seed."""
         return cls(hashlib.blake2b("\x1f".join(map(str, names)).encode(), digest_size=16).digest())
 
     def random(self) -> float:

@@ -2,7 +2,8 @@
 
 Each result is at most 1 unit in the last place off, 2 for `tan`, `atan2` and `sinh`; `power` says its own
 bound. Sine, cosine and tangent keep it up to `LARGEST_ANGLE_RAD`; a larger angle is first reduced by the double
-nearest to a whole turn. What has no value is NaN and what is too large is infinite, as in numpy: nothing is raised.
+nearest to a whole turn. As in numpy, an undefined result is NaN and a result that is too large is infinite: no function
+raises.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ _TURN = 6.283185307179586
 
 
 def _usual_angle(x: float) -> float:
-    """Return an angle within the usual range that is `x` but for whole turns; NaN for what has none."""
+    """Return `x` rad, reduced by whole turns beyond `LARGEST_ANGLE_RAD`; NaN for infinity and NaN."""
     return x if abs(x) <= LARGEST_ANGLE_RAD else x % _TURN
 
 
@@ -125,7 +126,7 @@ def power(x: float, y: float) -> float:
 
 
 def hypot(x: float, y: float) -> float:
-    """Return the length of (x, y), whose parts are below 1e150; what is below 1e-150 counts as 0."""
+    """Return the length of (x, y). Both parts must be below 1e150; a part below 1e-150 counts as 0."""
     x, y = float(x), float(y)
     return math.sqrt(x * x + y * y)
 

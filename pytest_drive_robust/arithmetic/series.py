@@ -36,9 +36,9 @@ def wrap_angle(x: Number) -> Number:
 
 
 def quarter_turns(x: Number) -> tuple[Number, Number, Number]:
-    """Return (quarter, y, tail): `x` is `y + tail` and some quarter turns, `quarter` of them beyond whole turns.
+    """Return (quarter, y, tail): the angle `x` is whole turns plus `quarter` quarter turns plus `y + tail`.
 
-    `x` in rad, at most `LARGEST_ANGLE_RAD`; `quarter` from -2 to 2, |y| <= pi / 4.
+    `x` is in rad and at most `LARGEST_ANGLE_RAD`; `quarter` is from -2 to 2, |y| <= pi / 4.
     """
     count = nearest_whole(x * _PER_QUARTER)
     first, part = x - count * _QUARTER_1, count * _QUARTER_2

@@ -1,4 +1,4 @@
-"""Means, interpolation and moving sums, in an order that the text states.
+"""Means, interpolation and moving sums; operations run in the order of the source.
 
 `numpy.interp` multiplies and adds in one expression of C, which a compiler may fuse; `numpy.convolve` goes through
 BLAS; the built-in `sum` adds floats in another way since Python 3.12.
@@ -23,10 +23,10 @@ def mean(values: Sequence[float] | Floats) -> float:
 
 
 def interpolate(at: Floats, x: Floats, y: Floats) -> Floats:
-    """Return what `y` is at the places `at` (n,), on straight lines from point to point: (n,), or (n, m) for m values.
+    """Return `y` at the places `at` (n,), interpolated linearly: (n,), or (n, m) where `y` has m values per point.
 
-    `x` is (k,), k >= 2, and grows from point to point; `y` is (k,) or (k, m). Before the first point it is that of the
-    first point, after the last one that of the last.
+    `x` is (k,), k >= 2, and grows from point to point; `y` is (k,) or (k, m). Before the first point the result is the
+    first `y`, after the last point the last `y`.
     """
     import numpy as np
 

@@ -1,6 +1,7 @@
 """The machine code of elementary functions, for `compiled`.
 
-Each is compiled once, by itself, when it is first asked for, and then called by its name as if it were the C library's.
+Each function is compiled once, by itself, on first use. Kernels then call it by its symbol, like a function of the C
+library.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ for _module in (series, scalars):
 
 
 def numba_type(name: str) -> Any:
-    """Return what numba takes a function of `compiled` for."""
+    """Return the numba type of the function `name` of `compiled`."""
     context = _CPU.typing_context
     if name in _PARTS:
         function = getattr(series, name, None) or getattr(scalars, name)
@@ -45,13 +46,13 @@ def numba_type(name: str) -> Any:
 
 
 def load(name: str) -> None:
-    """Make or load the machine code of a function of `compiled`, which that of kernels calls by its symbol."""
+    """Compile or load the machine code of the function `name` of `compiled`; kernels call this code by its symbol."""
     if name not in _PARTS:
         _symbol(name)
 
 
 def _of_number(name: str, takes: int) -> Any:
-    """Return what makes a kernel call the machine code of a function that returns one float."""
+    """Return an intrinsic that calls the machine code of `name`, a function of `takes` floats that returns a float."""
     signature, symbol = types.float64(*[types.float64] * takes), _symbol(name)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -64,7 +65,7 @@ def _of_number(name: str, takes: int) -> Any:
 
 
 def _of_pair() -> Any:
-    """Return what makes a kernel call the machine code of `cos_sin`, which writes two floats."""
+    """Return an intrinsic that calls the machine code of `cos_sin`, which writes two floats."""
     symbol, pair = _symbol("cos_sin"), _TYPES.UniTuple(types.float64, 2)
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:

@@ -1,1 +1,1 @@
-"""Bench2Drive and CARLA: official agents here, our failures there, official result files."""
+"""Bench2Drive and CARLA: official agents in our simulators, our failures in the official evaluator, result files."""

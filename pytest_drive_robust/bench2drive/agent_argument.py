@@ -1,4 +1,4 @@
-"""`FILE.py+CONFIG`, how people name an official agent: taken apart, and refused for files that are not there."""
+"""Parse and check `FILE.py+CONFIG`, the name of an official agent."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _LOOKS_LIKE_A_FILE = re.compile(r".*[/\\].*|.+\.[A-Za-z]\w*")
 def split_argument(argument: str) -> tuple[Path, str]:
     """Return the absolute path of the agent's file, and the text for its `setup`, which may name files joined by `+`.
 
-    Raises `UsageError` for what is no Python file that is there.
+    Raises `UsageError` if the agent's file is missing or no Python file.
     """
     name, _, config = argument.partition("+")
     if not name:
@@ -30,7 +30,7 @@ def split_argument(argument: str) -> tuple[Path, str]:
 def require_configuration(argument: str, config: str, *, root: Path | None = None) -> None:
     """Raise `UsageError` for a part of the configuration that looks like a file and is not there.
 
-    Relative ones are looked for in the current folder, then in `root`.
+    Relative paths are looked for in the current folder, then in `root`.
     """
     for part in filter(None, config.split("+")):
         path = Path(part).expanduser()
@@ -43,7 +43,7 @@ def require_configuration(argument: str, config: str, *, root: Path | None = Non
 
 
 def _instead(missing: Path) -> str:
-    """Return `" (did you mean 'agent.py'?)"`, or nothing."""
+    """Return `" (did you mean 'agent.py'?)"` with the nearest name in the same folder, or nothing."""
     folder = missing.parent
     if not folder.is_dir():
         return ""

@@ -1,4 +1,4 @@
-"""Which environment variables an official agent reads: they decide how it drives."""
+"""The environment variables that an official agent reads: these variables decide how the agent drives."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from pytest_drive_robust.errors import UsageError
 
 PLANNER_TYPE = "PLANNER_TYPE"
-"""The variable that tells official agents, TCP for one, which of their outputs drives; modules of an agent read it."""
+"""The variable that tells official agents, such as TCP, which of their outputs drives; modules of an agent read it."""
 _ASKS_FOR = re.compile(r"""(?:environ(?:\.get\(|\[)|getenv\()\s*['"](\w+)['"]""")
 _NEEDS_PLANNER_TYPE = re.compile(
     rf"""(?:environ(?:\.get\(|\[)|getenv\()\s*['"]{PLANNER_TYPE}['"]\s*(?:,\s*(?:None|''|"")\s*)?[\])]"""
@@ -17,14 +17,15 @@ _NEEDS_PLANNER_TYPE = re.compile(
 
 
 def asked_variables(file: Path) -> frozenset[str]:
-    """Return the names of those that the agent's file asks for by name; not those of the modules that it imports."""
+    """Return the variables that the agent's file reads by name; those that its imported modules read are left out."""
     return frozenset(_ASKS_FOR.findall(file.read_text(encoding="utf-8", errors="replace")))
 
 
 def require_planner_type(file: Path) -> None:
-    """Raise `UsageError` when the agent's file reads `PLANNER_TYPE`, without a default, and it is unset or empty.
+    """Raise `UsageError` if the agent's file reads `PLANNER_TYPE` without a default and the variable is unset or empty.
 
-    Such an agent, TCP for one, fails in its first tick, and all of its routes would count as its errors.
+    Without the variable such an agent, TCP for example, fails in its first tick, and every route would count as an
+    error of the agent.
     """
     if os.environ.get(PLANNER_TYPE):
         return

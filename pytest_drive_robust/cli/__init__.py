@@ -1,1 +1,1 @@
-"""`drive-robust`: what one wants to know without writing a test; one module per command."""
+"""The command line `drive-robust`, for everything that needs no test; one module per command."""

@@ -1,4 +1,4 @@
-"""`drive-robust comment`: the summary of a run as the one comment of ours on a pull request."""
+"""`drive-robust comment`: put the summary of a run on a pull request, in one comment that later runs change."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _DESCRIPTION = """Puts FILE, what pytest wrote to GITHUB_STEP_SUMMARY, on the pu
 run changes the same comment. Without a token, or where GitHub refuses it, nothing is written and the exit code is 0:
 the verdict is pytest's."""
 _MOST = 65_536 - 1024
-"""What GitHub takes, less what we add."""
+"""Longest summary in characters: the longest comment that GitHub takes, less the lines that we add."""
 _PAGE, _PATIENCE_S = 100, 30.0
 
 
@@ -69,7 +69,7 @@ def _comment(options: argparse.Namespace) -> int:
 
 
 def _pull_request(environ: Mapping[str, str]) -> dict[str, Any]:
-    """Return what GitHub tells of the pull request; nothing where the event is another one."""
+    """Return the pull request of GitHub's event file, empty where the event is no pull request."""
     try:
         pull = json.loads(Path(environ["GITHUB_EVENT_PATH"]).read_text(encoding="utf-8")).get("pull_request")
     except (KeyError, OSError, ValueError, AttributeError):
@@ -78,7 +78,7 @@ def _pull_request(environ: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _put(api: str, token: str, number: int, mark: str, body: str) -> str:
-    """Change the comment that begins with `mark`, or add one; return what was done."""
+    """Change the comment that begins with `mark`, or add a comment; return a sentence about the change."""
     page = 1
     while True:
         found = _ask("GET", f"{api}/issues/{number}/comments?per_page={_PAGE}&page={page}", token)
@@ -103,6 +103,6 @@ def _cut(text: str) -> str:
     if len(text) <= _MOST:
         return text
     kept = text[:_MOST].rpartition("\n")[0]
-    if kept.count("<details>") > kept.count("</details>"):  # what follows would be folded away, too
+    if kept.count("<details>") > kept.count("</details>"):  # an open element would fold away the lines below, too
         kept += "\n\n</details>"
     return f"{kept}\n\nThe rest is in the summary of the run."

@@ -112,7 +112,7 @@ def _write_official(options: argparse.Namespace) -> int:
 
 
 def _towns(document: Mapping[str, Any]) -> tuple[dict[str, str], list[str]]:
-    """Return the town of each route, and the route specifications that are no longer there to look it up."""
+    """Return the town of each route, and the route specifications whose routes are not found any more."""
 
     def routes(spec: str) -> tuple[Route, ...]:
         try:
@@ -133,7 +133,10 @@ def _require_folders(folders: Iterable[str]) -> None:
 
 
 def _finder(folders: list[str]) -> Find:
-    """Return what finds `KEY.*` in the folders of stored episodes, or in the store of the project."""
+    """Return a function that reads the episode `KEY.*` out of `folders`, or out of the project's store.
+
+    The function returns None for an episode that is not there and raises `UsageError` for an unreadable one.
+    """
     _require_folders(folders)
     places = [Path(folder) for folder in folders] or [project_store() / "episodes"]
     paths = {path.stem: path for place in places for path in sorted(place.rglob("*.*")) if path.is_file()}

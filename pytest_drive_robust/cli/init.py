@@ -40,7 +40,7 @@ def _init(options: argparse.Namespace) -> int:
         raise UsageError(
             f"{', '.join(there)} exist here and are not written over. Move them, or run in another folder."
         )
-    for path in wanted:  # before the first file: one that is there would be in the way of another try
+    for path in wanted:  # before the first file: after an error here, a written file would stop the next try
         with refusing_unwritable(path):
             path.parent.mkdir(parents=True, exist_ok=True)
     for path, name in wanted.items():

@@ -22,7 +22,7 @@ of your own, are kept as they are. A limit states what you need, not what the ag
 file, tighten what matters, commit it."""
 
 _FEW_ROUTES = 12
-"""With fewer, what an agent shows is chance for the most part; verdicts from evidence seldom take fewer."""
+"""With fewer routes an agent's values are mostly chance; verdicts from evidence seldom read fewer routes."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

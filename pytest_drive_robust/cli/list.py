@@ -43,7 +43,7 @@ def _print_kind(kind: str, registry: Registry) -> None:
 
 
 def _sentence(cls: type[Perturbation] | None) -> str:
-    """Return a usual sentence of a failure; nothing for one that does not load, or that has no usual severity."""
+    """Return an example sentence of a failure; empty if the failure does not load or has no usual severity."""
     try:
         return "" if cls is None else str(cls(**cls.example))
     except (DriveRobustError, TypeError):

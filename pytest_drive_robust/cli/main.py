@@ -1,4 +1,4 @@
-"""`drive-robust`: what one wants to know without writing a test."""
+"""The entry point of `drive-robust`: the commands, their parser and the exit codes."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ COMMANDS = {
     "warm": "compile everything now, for container images and CI caches",
     "store": "the finished episodes that runs keep for later ones",
 }
-"""Every command with its help. Its module, `cli.check_agent` for `check-agent`, has `add_arguments(parser)`, which sets
-the default `command`: a function of the parsed arguments that returns the exit code. Where one line tells too
-little, it sets `parser.description`, too."""
+"""Every command with its help. The module of a command, `cli.check_agent` for `check-agent`, has
+`add_arguments(parser)`. This function sets the default `command`, a function of the parsed arguments that returns the
+exit code, and `parser.description` if the command needs more help than one line."""
 
 _NO_CHOICE = re.compile(r"invalid choice: '(?P<given>.*?)' \(choose from (?P<known>.*)\)")
 _USAGE_ERROR = 4  # pytest's exit code for the same mistake
-_CUT_OFF = 1  # as rich has it, which prints the tables
-_INTERRUPTED = 130  # a shell's, as 2 is a command line that does not parse
+_CUT_OFF = 1  # rich, which prints the tables, exits with the same code
+_INTERRUPTED = 130  # as in a shell; argparse takes 2 for a command line that does not parse
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns the exit code: 0; 1 when what was checked does not hold (a contract, a comparison, a stored record, a
     replay, the doctor's list); 4 for input that cannot be used; 130 after Ctrl-C.
     """
-    if isinstance(sys.stdout, TextIOWrapper):  # names may hold characters that the terminal has not
+    if isinstance(sys.stdout, TextIOWrapper):  # names may hold characters that the terminal cannot print
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         options = _parser().parse_args(arguments)
@@ -64,10 +64,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("drive-robust: interrupted", file=sys.stderr)
         return _INTERRUPTED
-    except BrokenPipeError:  # as before `| head`; what is left is written nowhere
+    except BrokenPipeError:  # the reader, such as `| head`, has stopped; the rest goes to the null device
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _CUT_OFF
-    except OSError as error:  # of a file that was named; 1 is a verdict of `compare`
+    except OSError as error:  # about a file that the user named; not 1, which is a verdict of `compare`
         print(f"drive-robust: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
         return _USAGE_ERROR
     return code
@@ -93,7 +93,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Names the nearest word where one was typed that is not among those to choose from."""
+    """Suggests the nearest choice for a word that is none of the choices."""
 
     def error(self, message: str) -> NoReturn:
         """End the program with exit code 2, after the usage and the message."""
@@ -104,16 +104,16 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _CommandParser(_Parser):
-    """The parser of one command. The command's module is imported when the command was given, and no other."""
+    """The parser of one command, which imports the command's module only when the command is given."""
 
     module = ""
     _intermixed = False
 
     def parse_known_args(self, *arguments: Any, **options: Any) -> Any:
-        """Parse, after the module has added its arguments.
+        """Let the command's module add its arguments, then parse.
 
-        Options may stand between words: before Python 3.12 a word that may be left out (DIR of `export`) is not found
-        behind them otherwise.
+        Options may stand between positional arguments. Without that, Python before 3.12 does not find an optional
+        positional argument (DIR of `export`) behind an option.
         """
         module, self.module = self.module, ""
         if module:

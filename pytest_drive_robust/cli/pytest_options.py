@@ -1,4 +1,4 @@
-"""Arguments of commands that mean what an option of pytest means: `--sim` is `--drive-sim`."""
+"""Options of commands that mean the same as an option of pytest: `--sim` is `--drive-sim`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from pytest_drive_robust.options.table import OPTIONS
 
 
 def add_pytest_option(parser: argparse.ArgumentParser, flag: str, *, help: str = "") -> None:
-    """Add `--sim` with metavar, default and help of `--drive-sim`."""
+    """Add the option `flag`, such as `--sim`, with metavar, default and help of the pytest option `--drive-sim`.
+
+    `help` replaces the help of the pytest option.
+    """
     option = OPTIONS[flag.replace("--", "--drive-", 1)]
     default = f" (default: {option.default})" if option.default else ""
     text = f"{help or option.help}{default}".replace("%", "%%")  # argparse formats it

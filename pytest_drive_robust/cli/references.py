@@ -1,4 +1,4 @@
-"""What commands share that find stored runs and baselines by what people type."""
+"""Arguments that commands share to find stored runs and baselines."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from pytest_drive_robust.regression.references import References, project_home
 
 A_RUN = "a stored run, latest, or the JSON file of a run"
-"""What people may type where a command takes a run."""
+"""Help of an argument that names a run."""
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
@@ -17,5 +17,5 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 
 def references_of(options: argparse.Namespace) -> References:
-    """Return what finds stored runs and baselines, of which `--baselines` may name the folder."""
+    """Return the stored runs and baselines of the project; `--baselines` may name the folder of baselines."""
     return References(project_home(), Path(options.baselines) if options.baselines else None)

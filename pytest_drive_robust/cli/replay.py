@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """What to drive, after the command line and a stored episode were put together."""
+    """The episode to drive, from the command line and a stored episode (`stored`, if one was given)."""
 
     agent: str
     route: str
@@ -114,7 +114,7 @@ def _replay(options: argparse.Namespace) -> int:
 
 
 def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
-    """Return what to drive: options that are given win over what a stored episode says."""
+    """Return the episode to drive: options of the command line win over a stored episode. Raises `UsageError`."""
     stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     if options.stored_controls:
         if stored is None:
@@ -141,7 +141,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
 
 
 def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
-    """Return where to write, looked at before anything is driven. Without an encoder a strip replaces the video."""
+    """Return the file to write, checked before anything is driven. Without an encoder a strip replaces the video."""
     episode = Episode(wanted.agent, wanted.route, str(wanted.setting), wanted.seed)
     target = Path(options.out or film_name(episode))
     if target.suffix.lower() not in _SUFFIXES:
@@ -168,12 +168,12 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
-    """Drive both episodes, one after the other, with the same simulator and agent; a baseline alone."""
+    """Drive the baseline and the setting with the same simulator and agent; a baseline setting is driven once."""
     settings = dict.fromkeys((wanted.setting.baseline, wanted.setting))
     episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
-    with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
+    with OneThread() as one_thread:  # as in a run: sums over several threads differ in the last bits
         agent = make_agent(registry, wanted.agent)
-        one_thread.limit()  # also what the agent loaded
+        one_thread.limit()  # also the libraries that the agent loaded
         return [
             _tape(f"under {setting}", simulator, agent, setting, route, episode)
             for setting, episode in zip(settings, episodes, strict=True)
@@ -181,7 +181,7 @@ def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Rou
 
 
 def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
-    """Drive what the vehicle got in the stored episode. The setting is in its controls already: this one is clean."""
+    """Drive the controls that the vehicle got in the stored episode, clean: the setting has changed them already."""
     stored = wanted.stored
     assert stored is not None
     agent = StoredControls.of(stored)
@@ -189,7 +189,7 @@ def _drive_again(simulator: Simulator, wanted: _Wanted, route: Route) -> Tape:
 
 
 def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route: Route, episode: Episode) -> Tape:
-    """Drive under `setting`, print the result under the name of `episode`, and return what was recorded."""
+    """Drive under `setting`, print the result under the name of `episode`, and return the recording."""
     with _progress(f"driving {what}") as step:
         tape = record_episode(
             simulator,
@@ -214,9 +214,10 @@ def _print_divergence(clean: Tape, perturbed: Tape) -> None:
 
 
 def _is_as_before(tapes: list[Tape], route: Route, before: Before, *, measured: bool) -> bool:
-    """Print of each tape whether it is what was driven before; return False where the user asked and one is not.
+    """Print for each tape whether it equals the earlier episode; return False if the user asked and a tape differs.
 
-    `measured`: the latency of the wanted setting is measured, and need not be the same.
+    `measured`: the setting's latency is measured, so its tape may differ. Raises `UsageError` if the user asked and no
+    earlier episode was found.
     """
     all_same = True
     compared_any = False
@@ -254,9 +255,9 @@ def _film(tapes: list[Tape], target: Path) -> None:
 
 @contextmanager
 def _progress(what: str, *, total: int | None = None) -> Iterator[Callable[[], None]]:
-    """Return a bar on a terminal, nothing elsewhere: `step()` for each tick or picture.
+    """Show a progress bar on a terminal, nothing elsewhere; give the function to call for each tick or picture.
 
-    A debugger ends it: it would be drawn over the prompt.
+    A debugger ends the bar, which would be drawn over the prompt.
     """
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

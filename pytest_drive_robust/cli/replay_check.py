@@ -1,4 +1,4 @@
-"""Whether what `drive-robust replay` drove is what was driven before."""
+"""Whether the episodes that `drive-robust replay` drove are the same as earlier ones."""
 
 from __future__ import annotations
 
@@ -21,11 +21,10 @@ from pytest_drive_robust.store.record_files import SUFFIX, read_episode
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """Episodes that were driven before: `label` is how people call the place.
+    """Episodes that were driven before; `label` names their place in messages.
 
-    `folder` holds episode files, `digests` the digests of trajectories by episode, `routes` the digests of the routes
-    by id as far as they are known, `episode` is one episode; what there is not is None or empty.
-    `asked` is False when nobody named the place.
+    `folder` holds episode files, `digests` the digests of trajectories by episode, `routes` the known digests of routes
+    by id, `episode` is one episode; missing parts are None or empty. `asked` is False when the user named no place.
     """
 
     label: str
@@ -37,21 +36,21 @@ class Before:
 
     @property
     def holds(self) -> str:
-        """What is there, in a few words."""
+        """A clause about the episodes that the place holds."""
         if self.digests is None:
             return "there is no record of that agent, route, setting and seed"
         first = next(iter(self.digests), None)
         return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
 
     def compared_with(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
-        """Return (same, a clause that says so), or None when that episode is not there."""
+        """Return (True when both are the same to the bit, a clause about it), or None without an earlier episode."""
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
         else:
             stored = [] if self.folder is None else _stored(self.folder, driven)
         same = f"as in {self.label}, bit for bit"
         if stored:
-            # A store keeps what earlier versions of an agent drove, too: the newest one is told of.
+            # A store also keeps the episodes of earlier versions of an agent: tell the difference to the newest one.
             differences = [difference(driven, earlier) for earlier in stored]
             return (True, same) if not all(differences) else (False, f"DIFFERS from {self.label} {differences[0]}")
         is_another_route = self.routes.get(route.id, route_digest(route)) != route_digest(route)
@@ -65,10 +64,11 @@ class Before:
 def before_of(
     reference: str | None, episode: EpisodeResult | None, *, simulator: str, stuck_stop_s: float | None
 ) -> Before | None:
-    """Find what to compare with: the given episode, a run's name or file, a folder, or the newest stored run.
+    """Return the episodes to compare with: the given episode, a run by name or file, a folder, or the newest run.
 
-    The newest one, for which nobody asked, is left out where it was driven in another simulator or was stopped after
-    another time. Raises `UsageError` for a reference that is none of these.
+    The newest stored run is the default. Return None where there is no run, or where the newest run cannot be read or
+    was driven in another simulator or with another `stuck_stop_s`. Raises `UsageError` for a reference that is no run,
+    file or folder.
     """
     if reference is None and episode is not None:
         return Before("the stored episode", True, episode=episode)
@@ -112,7 +112,7 @@ def _run_file(reference: str | None) -> Path | None:
 
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
-    """Return the records of the same episode in a folder of them, the newest first. Damaged files are passed over."""
+    """Return the stored results of the same episode in a folder, the newest first; skip damaged files."""
     found: list[EpisodeResult] = []
     for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):
         try:
@@ -137,7 +137,7 @@ def _digests(document: Mapping[str, Any], path: Path) -> dict[Episode, str]:
 
 
 def _routes(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return nothing for runs that were stored before routes were told."""
+    """Return the digest of each route by id; empty for a run that does not tell its routes."""
     fingerprint = document.get("fingerprint")
     routes = fingerprint.get("routes") if isinstance(fingerprint, dict) else None
     return {str(name): str(digest) for name, digest in routes.items()} if isinstance(routes, dict) else {}

@@ -1,4 +1,4 @@
-"""What `drive-robust routes check` and `draw` do: routes laid out in the embedded world."""
+"""The work of `drive-robust routes check` and `draw`, which lay out routes in the embedded world."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pytest_drive_robust.simulators.embedded.world import World
 
 
 def check_routes(spec: str, routes: Sequence[Route]) -> int:
-    """Print a row for every route that can be driven; then raise one error that names all others."""
+    """Print a row for every route that can be driven; then raise one `RouteError` that names all other routes."""
     rows: list[tuple[str, ...]] = []
     problems: list[str] = []
     for route in routes:
@@ -45,7 +45,7 @@ def check_routes(spec: str, routes: Sequence[Route]) -> int:
 
 
 def draw_routes(options: argparse.Namespace, routes: Callable[[], Sequence[Route]]) -> int:
-    """Write contact sheets of routes, which are read once the options are known to be usable."""
+    """Write contact sheets of routes; call `routes` only after the options are checked. Raises `UsageError`."""
     target = Path(options.output)
     if target.suffix.lower() != ".png":
         raise UsageError(f"--output is {options.output!r}, expected the name of a .png file.")

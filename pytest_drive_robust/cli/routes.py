@@ -81,7 +81,7 @@ def _routes(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
 
 
 def _routes_of_world(options: argparse.Namespace) -> tuple[str, tuple[Route, ...]]:
-    """Return routes as a run with this `--drive-sim` names them, which may have its own."""
+    """Return the specification and the routes that a run in the simulator `--sim` has, perhaps of its own."""
     asked = DEFAULT_ROUTES if options.routes is None else options.routes
     if options.sim == DEFAULT_SIMULATOR:
         return asked, resolve_routes(asked)
@@ -97,7 +97,7 @@ def _routes_of_world(options: argparse.Namespace) -> tuple[str, tuple[Route, ...
 
 
 def _length(route: Route) -> str:
-    """Return the metres along the waypoints: a file can be listed whose towns we do not know, and a world without."""
+    """Return the metres along the waypoints, `"-"` without waypoints. Needs no map, so unknown towns can be listed."""
     if len(route.waypoints) < 2:
         return "-"
     return f"{sum(hypot(b.x_m - a.x_m, b.y_m - a.y_m) for a, b in pairwise(route.waypoints)):.0f}"

@@ -1,4 +1,4 @@
-"""`drive-robust store`: what the store of finished episodes holds, is it whole, and what may go."""
+"""`drive-robust store`: count, verify and remove the finished episodes in the store."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _gc(options: argparse.Namespace) -> int:
 
 
 def _age_s(text: str) -> float:
-    """Return an age in seconds. Raises `UsageError` for none, which would let new records go with the old ones."""
+    """Return an age in seconds. Raises `UsageError` for no age, which would remove new records with the old ones."""
     age_s = time_limit_s(GivenText("--older-than", text))
     if age_s is None:
         raise UsageError(f"--older-than is {text!r}, expected a time such as 30d or 12h.")

@@ -29,7 +29,7 @@ def print_table(columns: Mapping[str, Justify], rows: Iterable[Sequence[str]], *
 
 
 def say(text: str) -> None:
-    """Print a line at once. A reader that stops early is no error: what the command writes to files is wanted still."""
+    """Print a line at once. A closed pipe is no error, because the files that the command writes are still wanted."""
     try:
         print(text, flush=True)
     except BrokenPipeError:

@@ -24,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def _warm(options: argparse.Namespace) -> int:
     """Compile all kernels of the simulator, the cameras, the criteria and the reference agents."""
-    if not options.here:  # a process that compiles in others has one thread, which libraries read when they are loaded
+    if not options.here:  # only a process with one thread may fork; libraries read these variables when they are loaded
         command = (sys.executable, "-m", "pytest_drive_robust.cli", "warm", "--here")
         return subprocess.run(command, env={**os.environ, **_ONE_THREAD}, check=False).returncode
     from pytest_drive_robust.jit.cache import cache_folder  # loads numba

@@ -24,28 +24,29 @@ class Agent(Protocol):
     * `plan() -> PlannedPath`: the waypoints behind the last control, for overlays;
     * `consumes: frozenset[str]`: which of `SIGNALS` reach the policy (all of them when not said);
     * `privileged: bool`: True asks for `Observation.truth`; the report says so;
-    * `portable_bits: bool`, of the class or factory: True promises that its controls depend on what it observes and on
-      its own code only, to the last bit, whatever the processor and the versions of libraries: no network, no matrix
-      product, no elementary function but those of `pytest_drive_robust.arithmetic`, no draws that a library makes.
-      Its episodes are the same bits everywhere, and the versions of what it imports are no part of their keys (False
-      when not said);
+    * `portable_bits: bool`, of the class or factory: True promises that the controls depend only on the observations
+      and the agent's own code, to the last bit, whatever the processor and the versions of libraries: no network, no
+      matrix product, no elementary function but those of `pytest_drive_robust.arithmetic`, no draws by a library. The
+      agent's episodes have the same bits everywhere, and the versions of imported libraries are not in their keys
+      (default: False);
     * `computed_by: Sequence[str]`, of the class or factory: where bits are not portable, the modules that decide the
-      controls beside the agent's own code, such as `("torch", "numpy")`. Their versions are in the keys of its
-      episodes, and records tell what they compute on this processor (all that its code imports when not said);
+      controls beside the agent's own code, such as `("torch", "numpy")`. The versions of these modules are in the keys
+      of the episodes, and records tell what the modules compute on this processor (default: all that the agent's code
+      imports);
     * `weights: Sequence[str | Path]`, of the class or factory: files and folders whose content belongs to the agent's
-      fingerprint and to the keys of its episodes, as that of those does which options of its name give;
+      fingerprint and to the keys of its episodes. Files that options in the agent's name give belong there as well;
     * `configuration`, of the class or factory: plain values (numbers, text, lists, mappings, dataclasses) that decide
-      how it drives and are not in its source, such as what it read from the environment;
-    * `check(**options)`, of the factory (of a class: a `classmethod`): called at collection with those options in the
-      agent's name that it takes; raises `UsageError` when no agent can be made;
-    * `num_cpus` and `num_gpus`, of the class or factory: what an episode takes of a cluster (1 and 0 when not said);
+      how the agent drives and are not in its source, such as values read from the environment;
+    * `check(**options)`, of the factory (of a class: a `classmethod`): called at collection with the options in the
+      agent's name that `check` takes; raises `UsageError` when no agent can be made;
+    * `num_cpus` and `num_gpus`, of the class or factory: what an episode needs on a cluster (default: 1 and 0);
     * `act_batch(agents: Sequence[Self], observations: Sequence[Observation]) -> Sequence[Control]`, a `staticmethod` or
-      `classmethod`: `act` for many agent objects at once, each of them in an episode of its own. `--drive-lockstep`
-      uses it when the factory is the class or is annotated to return it. What an episode remembers belongs to its agent
-      object, only weights are shared. There are 4, 8, 16 and so on agents in a call, or as many as the option says. A
-      control must depend on its own agent and observation only, to the last bit: this is checked before it is relied
-      on, and an agent that fails is refused. An exception in the place of a control is the fault of that episode alone;
-      one that is raised costs the others a new start.
+      `classmethod`: `act` for many agent objects at once, each in an episode of its own. `--drive-lockstep` uses
+      `act_batch` when the factory is the class or is annotated to return the class. The state of an episode belongs to
+      its agent object; only weights are shared. A call has 4, 8, 16 and so on agents, or as many as the option says. A
+      control must depend only on its own agent and observation, to the last bit: the runner checks this first and
+      refuses an agent that fails. An exception that is returned in place of a control is the fault of that episode
+      alone; an exception that is raised makes the other episodes start again.
 
     One agent object drives many episodes, one after the other: `reset` must forget everything about the last one.
     """
@@ -62,7 +63,7 @@ class Agent(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class PlannedPath:
-    """What the agent means to do, for overlays: points in metres, ego frame (forward, right)."""
+    """The way that the agent plans to drive, for overlays: points in metres, ego frame (forward, right)."""
 
     path: tuple[tuple[float, float], ...] = ()
     target_points: tuple[tuple[float, float], ...] = ()
@@ -80,9 +81,10 @@ def has_portable_bits(agent: object) -> bool:
 
 
 def computing_modules(agent: object) -> tuple[str, ...] | None:
-    """Return the modules that decide the bits of an agent or its factory beside its own code, None when it is silent.
+    """Return the modules that decide an agent's bits beside its own code, or None when `computed_by` is missing.
 
-    There are none where bits are portable. Raises `UsageError` when `computed_by` holds anything but names.
+    `agent` is an agent or its factory. The result is empty where bits are portable. Raises `UsageError` when
+    `computed_by` holds anything but names.
     """
     if has_portable_bits(agent):
         return ()
@@ -101,5 +103,5 @@ def consumed_signals(agent: Agent) -> frozenset[str]:
 
 
 def offers_lockstep(agent: object) -> bool:
-    """Return True when the agent has an `act_batch`. Whether it keeps its promise is another question."""
+    """Return True when the agent has an `act_batch`, without a check of what `act_batch` returns."""
     return callable(getattr(agent, "act_batch", None))

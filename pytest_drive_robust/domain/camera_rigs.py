@@ -10,7 +10,7 @@ name                 cameras whose
 
 Places and angles are those of the published agents: Bench2DriveZoo `team_code/uniad_b2d_agent.py`,
 `team_code/vad_b2d_agent.py` and `team_code/tcp_b2d_agent.py`, SimLingo `team_code/config_simlingo.py`. The published
-pictures are large (1600 x 900 each for the first two); small ones are what compact agents look at.
+pictures are large (1600 x 900 each for the first two); compact agents use small pictures.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ def rig(
 ) -> tuple[CameraSpec, ...]:
     """Return the cameras of a rig, each `width_px` x `height_px` pixels (the published size where not said).
 
-    The field of view is kept, whatever the size: with another ratio of width to height more or less sky and road is
-    seen. Raises `UnknownNameError` for other names and `UsageError` for sizes and rates that no camera has.
+    Every size keeps the horizontal field of view, so another ratio of width to height shows more or less sky and road.
+    Raises `UnknownNameError` for an unknown name and `UsageError` for an impossible size or rate.
 
     >>> [camera.name for camera in rig("tcp", width_px=256, height_px=144)]
     ['front_left', 'front', 'front_right']

@@ -31,7 +31,7 @@ class Control:
         throttle, steer, brake = self.throttle, self.steer, self.brake
         plain = type(throttle) is type(steer) is type(brake) is float
         if plain and 0.0 <= throttle <= 1.0 and -1.0 <= steer <= 1.0 and 0.0 <= brake <= 1.0:
-            return None  # asked in every tick, and nearly always all is well
+            return None  # the fast way: called in every tick, and nearly every control is valid
         for name, value, low in (
             ("throttle", self.throttle, 0.0),
             ("steer", self.steer, -1.0),
@@ -46,7 +46,7 @@ class Control:
 
 
 def _number(value: object) -> float | None:
-    """Return a number of any library as a float; None for what is none, text included, which `float` would read."""
+    """Return a number of any library as a float; None for anything else, also for text that `float` would read."""
     if isinstance(value, (str, bytes, bytearray)):
         return None
     try:

@@ -1,4 +1,4 @@
-"""The unit that runs, is stored, is cached, is retried."""
+"""The episode: the unit that is driven, stored, cached and retried."""
 
 from __future__ import annotations
 

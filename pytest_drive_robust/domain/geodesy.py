@@ -30,7 +30,7 @@ def to_metric(latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
 
 
 class GeodeticPlace:
-    """What has a place in metres in the route's frame, `x_m` east and `y_m` south, has a latitude and longitude."""
+    """Adds latitude and longitude to a class with a place in the route's frame: `x_m` metres east, `y_m` south."""
 
     __slots__ = ()
     x_m: float

@@ -66,7 +66,7 @@ class CameraSpec:
         return None
 
     def image_problem(self, image: object) -> str | None:
-        """Return why no image of this camera is like that (`"front is (4, 16, 3) uint8, expected ..."`), or None."""
+        """Return why `image` cannot be of this camera (`"front is (4, 16, 3) uint8, expected ..."`), or None."""
         if not isinstance(image, Image):
             return f"{self.name} is a {type(image).__name__}, expected an Image"
         shape, kind = getattr(image.pixels, "shape", None), getattr(image.pixels, "dtype", None)
@@ -86,7 +86,7 @@ class Image:
     tick: int
 
     def read_only(self) -> Image:
-        """Return the same pixels for those who must not write to them, in a view of the same memory."""
+        """Return this image with read-only pixels, a view of the same memory."""
         pixels = self.pixels.view()
         pixels.flags.writeable = False
         return Image(pixels, self.tick)
@@ -136,9 +136,9 @@ class Speed:
 class Observation:
     """Everything that the agent is given in `tick`.
 
-    `tick` counts the ticks of the simulator from 0, whatever was delivered late or frozen: the difference between two
-    observations is how much time went by, also where the agent is not asked in every tick (latency in the mode `hold`).
-    A wrapper that takes each call for one tick, as published ones do, is wrong there.
+    `tick` counts the ticks of the simulator from 0, also when signals are late or frozen. The difference between the
+    ticks of two observations is the time between them, also where the agent does not run in every tick (latency in the
+    mode `hold`). A wrapper that counts each call as one tick, as published wrappers do, is wrong there.
 
     `cameras` maps the name of each `CameraSpec` of the agent to its `Image`. `truth` is None for every agent but those
     that declare `privileged = True`.
@@ -153,7 +153,7 @@ class Observation:
     truth: GroundTruth | None = None
 
     def signal_problem(self) -> str | None:
-        """Return what is wrong with a signal but the images (`"gps.x_m is nan, expected a finite number"`), or None."""
+        """Return what is wrong with a signal, images aside (`"gps.x_m is nan, expected a finite number"`), or None."""
         gps, compass, imu, speed, finite = self.gps, self.compass, self.imu, self.speed, math.isfinite
         try:
             if (
@@ -162,9 +162,9 @@ class Observation:
                 and (finite(imu.forward_mps2) and finite(imu.right_mps2) and finite(imu.yaw_rate_radps))
                 and (finite(gps.tick) and finite(compass.tick) and finite(imu.tick) and finite(speed.tick))
             ):
-                return None  # asked in every tick, and nearly always all is well
+                return None  # the fast way: called in every tick, and nearly every observation is valid
         except (OverflowError, TypeError, ValueError):
-            pass  # said below, by name
+            pass  # the loop below names the signal
         for name, kind in (("gps", Gps), ("compass", Compass), ("imu", Imu), ("speed", Speed)):
             signal = getattr(self, name)
             if not isinstance(signal, kind):
@@ -180,7 +180,7 @@ class Observation:
         return replace(self, cameras={name: change(name, image) for name, image in self.cameras.items()})
 
     def private(self) -> Observation:
-        """Return a copy whose pixels and truth share no memory with anybody: what the loop hands to the agent."""
+        """Return a copy for the agent: pixels and truth share no memory with the original, but for the lane map."""
         cameras = {name: Image(image.pixels.copy(), image.tick) for name, image in self.cameras.items()}
         return replace(self, cameras=cameras, truth=None if self.truth is None else self.truth.private())
 

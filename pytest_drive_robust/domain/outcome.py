@@ -7,7 +7,7 @@ from enum import Enum
 
 
 class Outcome(str, Enum):
-    """Whose doing the end of the episode is."""
+    """Who caused the end of the episode."""
 
     COMPLETED = "completed"
     """The route was driven to its end (perhaps with infractions)."""
@@ -16,7 +16,7 @@ class Outcome(str, Enum):
     AGENT_ERROR = "agent_error"
     """The agent broke its contract: exception, NaN, wrong type. Scored like a failure, listed apart."""
     INFRA_ERROR = "infra_error"
-    """Our fault or the simulator's. Never scored."""
+    """This package or the simulator failed. Never scored."""
 
 
 class End(str, Enum):

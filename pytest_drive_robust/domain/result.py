@@ -1,4 +1,4 @@
-"""What one episode produced: facts only. Scores are computed from it by `metrics`."""
+"""The facts that one episode produced; `metrics` computes scores from these facts."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ MACHINE_FACTS = {
     "machine torch": "torch",
     "machine onnxruntime": "ONNX Runtime",
 }
-"""Entries of `EpisodeResult.versions` that tell what the machine computes (`runner.episode.machine`), and what computes
-it. They are in no key, and an episode has only those that its bits depend on."""
+"""Entries of `EpisodeResult.versions` that tell what a machine computes (`runner.episode.machine`), each with the
+library that computes it. No key has these entries. An episode has only the entries that its bits depend on."""
 CONTROL = "control"
 """The name of the command on its way from the agent to the vehicle, beside `SIGNALS` and the names of cameras."""
 
 
 def read_only(table: _Table) -> _Table:
-    """Return this table, now for reading only: whoever counts a metric is given the very arrays of the run."""
+    """Make an array read-only and return it: metrics get the run's own arrays, not copies."""
     table.flags.writeable = False
     return table
 
@@ -68,11 +68,11 @@ class Trace:
         return values
 
     def columns(self, *names: str) -> tuple[NDArray[np.float64], ...]:
-        """Return some columns at once; a stored trace unpacks these only, and keeps nothing of them in memory."""
+        """Return several columns. A stored trace unpacks only these columns and does not keep them in memory."""
         return tuple(self.column(name) for name in names)
 
     def problem(self) -> str | None:
-        """Return what is no number (`"speed_mps is nan after 31 ticks, expected a finite number"`), or None."""
+        """Return the first value that is not finite (`"speed_mps is nan after 31 ticks, expected ..."`), or None."""
         import numpy as np
 
         wrong = np.argwhere(~np.isfinite(self.rows))
@@ -89,11 +89,11 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Given:
-    """What the agent was told, one row for each observation that it got: `rows` is (observations, 5 + cameras) float32.
+    """The observations that the agent got, one row each: `rows` is (observations, 5 + cameras) float32.
 
     The first columns are `COLUMNS`: the tick, GPS in metres, the compass in radians clockwise from north, the speed in
     m/s, all as perturbed. Then, for each camera of `Reception.cameras`, the tick at which its image was captured (NaN
-    when there was none).
+    without an image).
     """
 
     rows: NDArray[np.float32]
@@ -123,8 +123,8 @@ class EpisodeResult:
     `route_completion_pct` is 0..100; `speed_ratios_pct` are the ego's mean speed in percent of the traffic's, one per
     twentieth of the route (empty when the ego never got that far). `end_detail` says in one sentence why the episode
     ended; for `agent_error` it holds the traceback's last line. `inference_s` are the wall times of `act`, one per
-    call, kept only when the setting's latency is measured. `reception` tells what the setting changed of what the agent
-    got, `given` what it got, tick by tick, `tracks` what was around the ego; each is None when nobody looked.
+    call, kept only when the setting's latency is measured. `reception` tells which signals the setting changed, `given`
+    holds what the agent got, tick by tick, `tracks` what was around the ego; each is None when it was not recorded.
     """
 
     episode: Episode
@@ -146,7 +146,7 @@ class EpisodeResult:
     junction_passed: bool = False
     versions: Mapping[str, str] = field(default_factory=dict)
     reception: Reception | None = None
-    given: Given | None = field(default=None, compare=False)  # an array has no single truth
+    given: Given | None = field(default=None, compare=False)  # `==` of arrays gives no single bool
     tracks: Tracks | None = field(default=None, compare=False)
 
     @property
@@ -181,8 +181,9 @@ class Touch:
 class Reception:
     """Proof of what a setting did at the two seams of one episode.
 
-    `cameras` are the names of the agent's rig, `consumes` the signals that reach its policy by its own word (all of
-    them when it does not say), `observations` how many it was given. `touched` is empty when nothing was changed.
+    `cameras` are the names of the agent's rig, `consumes` the signals that reach the policy as the agent declares
+    (default: all), `observations` the number of observations that the agent got. `touched` is empty when the setting
+    changed nothing.
     """
 
     cameras: tuple[str, ...]
@@ -193,16 +194,17 @@ class Reception:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tracks:
-    """Everything near the ego at the beginning of every `every_ticks`-th tick, and now and then the agent's plan.
+    """Actors and lights near the ego at the beginning of every `every_ticks`-th tick, and some of the agent's plans.
 
     All tables are int32. Sample `k` is the world at the beginning of tick `k * every_ticks`.
 
     `actors` is (n, 6), one row for each stretch of time in which an actor was there: id, `ActorKind`, length and width
-    in cm, first sample, number of samples. `motion` is (sum of samples, 4), those of one actor after those of the one
-    before: x and y in cm, yaw in mrad (not wrapped), `ActorState`. `lights` is (samples, stop lines): `LightState`.
+    in cm, first sample, number of samples. `motion` is (sum of samples, 4), all samples of the first actor, then of the
+    second, and so on: x and y in cm, yaw in mrad (not wrapped), `ActorState`. `lights` is (samples, stop lines):
+    `LightState`.
 
-    `plans` is (m, 4): the tick whose ego the plan was made for, then how many points are path, targets and speeds.
-    `points` is (sum of those, 2): forward and right of that ego in dm, the points of one plan after the other.
+    `plans` is (m, 4): the tick of the plan, then the number of its path, target and speed points. `points` is
+    (sum of these numbers, 2): forward and right of the ego of that tick in dm, the points of one plan after the other.
     """
 
     every_ticks: int

@@ -1,4 +1,4 @@
-"""Where to drive: a route as in the CARLA leaderboard's route XML, and the sparse plan that an agent gets of it."""
+"""Where to drive: a route as in the CARLA leaderboard's route XML, and the sparse plan of the route for an agent."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RoadOption(IntEnum):
 
     @classmethod
     def through_junction(cls, turn_rad: float) -> RoadOption:
-        """Return the command of a way through a junction that turns so far to the right."""
+        """Return the command for a way through a junction that turns by `turn_rad`, positive to the right."""
         if abs(turn_rad) < _TURN_RAD:
             return cls.STRAIGHT
         return cls.RIGHT if turn_rad > 0.0 else cls.LEFT
@@ -96,7 +96,7 @@ class Route:
 
     @property
     def label(self) -> str:
-        """`"2091 NonSignalizedJunctionLeftTurn"`: how people call it."""
+        """The id and the scenario type: `"2091 NonSignalizedJunctionLeftTurn"`."""
         return f"{self.id} {self.scenario.type}"
 
 
@@ -111,13 +111,13 @@ class PlanPoint(GeodeticPlace):
 
 @dataclass(frozen=True, slots=True)
 class GlobalPlan:
-    """What `Agent.reset` gets: what CARLA's `set_global_plan` gives, and no more.
+    """The plan that `Agent.reset` gets: the points that CARLA's `set_global_plan` gives, and no more.
 
-    Points where the command changes, every lane change, and at least one every 50 m
+    `points` are the points where the command changes, every lane change, and at least one point every 50 m
     (Bench2Drive `leaderboard/autoagents/autonomous_agent.py`).
 
-    `dense` is the way these points were taken from, about one a metre, with a first and a last point for each lane
-    change; empty where a world does not tell it. The leaderboard gives both to its agents.
+    `dense` is the way that `points` were taken from, about one point per metre, with a first and a last point for each
+    lane change; empty where a simulator does not tell it. The leaderboard gives both to its agents.
     """
 
     points: tuple[PlanPoint, ...]
@@ -125,7 +125,7 @@ class GlobalPlan:
 
     @classmethod
     def of(cls, way: Sequence[PlanPoint], s_m: Sequence[float], dense: tuple[PlanPoint, ...] = ()) -> GlobalPlan:
-        """Return the plan of a way, a point about every metre, each `s_m` along it."""
+        """Return the plan of `way`, a point about every metre; `s_m` are the points' distances along the way."""
         points: list[PlanPoint] = []
         last_m = -math.inf
         for point, at_m in zip(way, s_m, strict=True):

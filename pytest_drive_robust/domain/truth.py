@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class ActorKind(IntEnum):
-    """What an actor is; decides its looks and the class of a collision with it."""
+    """The kind of an actor, which decides its looks and the class of a collision with it."""
 
     CAR = 0
     VAN = 1
@@ -39,7 +39,7 @@ class ActorKind(IntEnum):
 
 
 class ActorState(IntFlag):
-    """What an actor shows."""
+    """The lights and the siren that an actor shows."""
 
     NONE = 0
     BRAKING = 1

@@ -1,4 +1,4 @@
-"""By which rule requirements are judged: what counts as shown, how sure one wants to be, when reading may stop."""
+"""The rule that judges requirements: what counts as shown, how often a verdict may be wrong, when reading may stop."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ _TOP_SCORE = 100.0
 
 @dataclass(frozen=True, slots=True)
 class VerdictRule:
-    """How verdicts come about.
+    """How episode scores become a verdict.
 
-    `kind`: `"evidence"` asks about routes and seeds like these, in three verdicts, wrong at most `alpha` of the time a
-    side; `"list"` about exactly the given routes and seeds; `"point"` compares the value of all of them with the limit.
-    The first two read routes in planned order and stop once the verdict is in; `"auto"` is evidence where there are 20
-    routes or more, which is what it needs, and the list otherwise. `margin` is how far beyond the limit
-    "pass" may reach, as a share of the metric's range (0.10 is 0.10 RD or SR, 10 points of DS). Below `clean_floor`
-    (mean clean driving score, 0..100) an RD says nothing: by every kind it never passes but is inconclusive, and a fail
-    stays a fail. `family` is among how many requirements a fail by evidence must stand: the alpha of a fail is divided
-    by it, that of a pass is not.
+    `kind`: `"evidence"` judges all routes and seeds like the given ones, in three verdicts, each side wrong at most
+    `alpha` of the time. `"list"` judges exactly the given routes and seeds. `"point"` compares the value over all given
+    routes and seeds with the limit. `"evidence"` and `"list"` read routes in planned order and stop once the verdict is
+    known. `"auto"` is `"evidence"` with 20 routes or more, which evidence needs, and `"list"` with fewer.
+
+    `margin` is how far beyond the limit a pass may reach, as a share of the metric's range (0.10 is 0.10 RD or SR, 10
+    points of DS). Below `clean_floor` (mean clean driving score, 0..100) an RD says nothing: with every `kind` a pass
+    becomes inconclusive, and a fail stays a fail. `family` is the number of requirements among which a fail by evidence
+    must stand: the alpha of a fail is divided by `family`, the alpha of a pass is not.
 
     Raises `UsageError` for values that cannot be used.
     """
@@ -48,11 +49,11 @@ class VerdictRule:
 
     @property
     def fail_alpha(self) -> float:
-        """How often a fail by evidence may be wrong."""
+        """How often a fail by evidence may be wrong: `alpha / family`."""
         return self.alpha / self.family
 
     def for_routes(self, count: int) -> VerdictRule:
-        """Return the same with `"auto"` resolved for so many routes."""
+        """Return this rule with `"auto"` resolved for `count` routes."""
         if self.kind != "auto":
             return self
         return replace(self, kind="evidence" if count >= _FEWEST_FOR_EVIDENCE else "list")

@@ -1,12 +1,12 @@
 """How kernels are compiled: which functions, for which types, and where the machine code is kept.
 
 - `kernels`: the two decorators, `entry` for what Python calls and `inner` for what only kernels call
-- `dispatchers`: what numba makes of them when they are first called
+- `dispatchers`: numba's dispatchers of the kernels, made at the first call
 - `libraries`: inner functions become machine code only as parts of an entry point
-- `resolutions`: what numba finds out about types is remembered
+- `resolutions`: numba's choices of implementations for types, remembered
 - `signatures`: the types of an entry point from its annotations
 - `cache`: where machine code is kept, by the content of all sources
-- `compile_all`: everything that is not in the cache, side by side in processes
+- `compile_all`: compiles every entry point that is not in the cache, in parallel processes
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Annotations of arrays that kernels take: what they hold and how many dimensions they have; writable, contiguous."""
+"""Annotations of the arrays of kernels: element type and number of dimensions. All are writable and contiguous."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Pixels = NDArray[np.uint8]
 Packed = NDArray[np.uint32]
-"""With as many dimensions as the text says: for parts of kernels and for Python."""
+"""Arrays whose number of dimensions is not part of the type: for inner functions and for Python."""
 
 Floats1 = Annotated[NDArray[np.float64], 1]
 Floats2 = Annotated[NDArray[np.float64], 2]

@@ -1,11 +1,11 @@
-"""Where the machine code of entry points is kept, under a name that says everything that decides it.
+"""The cache of the machine code of entry points, keyed by everything that decides the code.
 
-numba's own cache looks at the file of the function that it stores, by its path and, in older releases, its time. Ours
-takes a digest of the function, of all that it calls and of every constant in there: whatever is compiled from the same
-text on the same kind of machine is found, from any checkout, image or CI cache; nothing else is.
+numba's own cache identifies a function by the path of its file and, in older releases, by the file's time. This cache
+takes a digest of the function, of all functions that it calls and of every constant in them. So code that was compiled
+from the same source on the same kind of machine is found from any checkout, image or CI cache, and no other code is.
 
-Files are written whole by numba (to another name, then renamed), so that processes may share the folder. They are kept
-in `NUMBA_CACHE_DIR` where that is set, else in the user's cache folder; what nobody used for two months is removed.
+numba writes each file whole (to another name, then renamed), so that processes may share the folder. The files are in
+`NUMBA_CACHE_DIR` where that is set, else in the user's cache folder; files that nobody used for two months are removed.
 """
 
 from __future__ import annotations
@@ -87,9 +87,10 @@ def _add_function(function: Any, digest: Any, seen: set[int]) -> None:
 
 
 def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) -> None:
-    """Add what a function is made of or finds in its globals; `names` are those that it uses, of modules too.
+    """Add a value that a function contains or finds in its globals to `digest`.
 
-    Raises `TypeError` for what cannot be compared: code that changes unseen would be taken for current.
+    `names` are the names that the function uses, attributes of modules included. Raises `TypeError` for a value whose
+    content cannot be compared: a change of this value would go unseen, and outdated code would be used.
     """
     if isinstance(value, Kernel):
         value = value.dispatcher
@@ -126,7 +127,7 @@ def _add_value(value: Any, names: tuple[str, ...], digest: Any, seen: set[int]) 
 def _fields(one: Any) -> Any:
     """Return the names of the fields of a type and of its parts, in their order.
 
-    What numba prints of a tuple does not say it, and machine code reads a field by its place.
+    numba's text of a tuple type lacks these names, but machine code reads a field by its place.
     """
     if hasattr(one, "field_dict"):
         return [(name, _fields(part)) for name, part in one.field_dict.items()]
@@ -144,21 +145,21 @@ class _Locator:
 
     @classmethod
     def from_function(cls, function: Any, file: str) -> _Locator:
-        """Return the locator of a function; its file plays no part."""
+        """Return the locator of a function; `file` is not used."""
         return cls(function)
 
     def get_cache_path(self) -> str:
-        """Return the folder."""
+        """Return the path of the cache folder."""
         return str(cache_folder())
 
     def get_source_stamp(self) -> str:
-        """Return what must be equal for machine code to be current."""
+        """Return the digest of the function: cached code with another digest is outdated."""
         return self._digest
 
     get_disambiguator = get_source_stamp  # tells apart functions of the same name: several versions live together
 
     def ensure_cache_path(self) -> None:
-        """Make the folder, and remove what nobody used for long. Raises `OSError` where nothing can be written."""
+        """Make the cache folder and remove files unused for two months. Raises `OSError` where that is not possible."""
         folder = cache_folder()
         folder.mkdir(parents=True, exist_ok=True)
         oldest = time.time() - _UNUSED_S
@@ -173,10 +174,10 @@ class _Implementation(CompileResultCacheImpl):  # type: ignore[misc]
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]
-    """The cache of one entry point; nothing is looked up before its first use, when all that it calls is defined.
+    """The cache of one entry point, opened on first use, when all functions that the entry point calls are defined.
 
-    There is one pair of files for each signature and kind of processor: processes that compile for different ones at
-    the same time never write to the same file.
+    Each signature and kind of processor has its own pair of files: processes that compile for different signatures or
+    processors at the same time never write to the same file.
     """
 
     _impl_class = _Implementation
@@ -186,7 +187,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         self._known = False
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """Return the compiled code for a signature, or None; what cannot be read is not there."""
+        """Return the compiled code for a signature, or None; a file that cannot be read counts as missing."""
         rtsys.initialize(target_context)
         try:
             self._open(sig, target_context.codegen())
@@ -202,7 +203,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
         return found
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep compiled code, where the folder can be written."""
+        """Write compiled code to the cache; do nothing where the folder cannot be written."""
         self._open(sig, data.codegen)
         with suppress(OSError):
             super().save_overload(sig, data)
@@ -217,7 +218,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     @property
     def cache_path(self) -> str:
-        """The folder."""
+        """The path of the cache folder."""
         return str(cache_folder())
 
     def _open(self, sig: Any, codegen: Any) -> None:

@@ -19,29 +19,30 @@ from pytest_drive_robust.jit.signatures import argument_types
 
 Tell = Callable[[int, int], None]
 _WHOLE = 128
-"""Added to the number of a group: it is in the cache. There are fewer groups."""
+"""Added to a group's number in a report that the whole group is in the cache; we fork only for fewer groups."""
 _ASK_S, _PATIENCE_S = 5.0, 300.0
-"""How often to ask whether another process still compiles, and for how long: it may have been stopped meanwhile."""
+"""Seconds between two tries to take the lock from another process, and in all: that process may have been stopped."""
 _YIELDING = 10
-"""How much nicer than others processes are that compile while these drive."""
+"""Added to the nice value of the processes that compile while we drive."""
 
 
 def compile_all(*, processes: int, tell: Tell = lambda done, total: None) -> int:
-    """Compile what the entry points of all imported modules lack, and load everything; return how many were compiled.
+    """Compile the entry points of all imported modules that are not in the cache, and load all; return how many.
 
-    `tell(done, total)` hears how many functions of those to be compiled are finished. Without `processes` (fewer than
-    two, or where a process with several threads cannot be forked) everything is compiled here. Another process that
-    does the same is waited for first, some minutes at most: it leaves in the cache what we would compile.
+    `tell(done, total)` is called with the number of functions compiled so far and in all. This process compiles
+    everything itself with fewer than two `processes`, or where it has several threads and cannot be forked. If another
+    process compiles for the same cache, wait for it first, five minutes at most: its code will be in the cache.
     """
     return Compilation(ENTRIES, processes=processes, tell=tell).missing
 
 
 class Compilation:
-    """Compiles what the entry points of all imported modules lack: those of `first` before anything else happens.
+    """Compiles the entry points of all imported modules that are not in the cache, those in `first` before the others.
 
-    When it is made they are compiled and loaded. The others are compiled meanwhile and afterwards, in at least one
-    process, which yields to those that drive: `news` becomes readable when there is something to `hear`. `missing` is
-    how many entry points were not in the cache, `children` those processes. See `compile_all` for the rest.
+    The constructor returns when `first` is compiled and loaded. Forked processes, at least one, compile the others
+    meanwhile and afterwards, with lower priority than processes that drive. `news` is a file descriptor that becomes
+    readable when there is something to `hear`, None when all is compiled. `missing` is the number of entry points that
+    were not in the cache, `children` are the ids of the forked processes. See `compile_all` for the other arguments.
     """
 
     def __init__(self, first: Sequence[Any], *, processes: int, tell: Tell = lambda done, total: None) -> None:
@@ -61,7 +62,7 @@ class Compilation:
         self._whole: set[int] = set()
         self._awaited = range(len(_groups(early)))
         later = self._awaited.stop < len(groups)
-        aside = processes > 1 or later  # one process lets others drive, too
+        aside = processes > 1 or later  # even a single one, so that we can drive while it compiles
         if aside and 1 < len(groups) < _WHOLE and _may_fork() and os.access(cache_folder(), os.W_OK):
             self._fork(groups, max(1, processes))
             while self.news is not None and not (later and self._whole.issuperset(self._awaited)):
@@ -79,15 +80,16 @@ class Compilation:
                 os.setpriority(os.PRIO_PROCESS, child, os.getpriority(os.PRIO_PROCESS, 0) + _YIELDING)
 
     def hear(self) -> None:
-        """Take in how far the processes have come; load everything when nothing is left, and `news` is None then."""
+        """Read the progress of the forked processes; when all have ended, load everything and set `news` to None."""
         self._read()
         if self.news is None:
             self._end()
 
     def _wait_for_others(self, awaited: Sequence[Any]) -> None:
-        """Wait until no other process compiles for the same cache; where nothing can be written, do not wait.
+        """Wait until no other process compiles for the same cache; do not wait where nothing can be written.
 
-        Say so once, and go on without the lock after some minutes: two that compile the same write the same.
+        Print once that we wait. Go on without the lock after `_PATIENCE_S` seconds: two processes that compile the same
+        function write the same file.
         """
         with suppress(OSError):
             cache_folder().mkdir(parents=True, exist_ok=True)
@@ -103,7 +105,7 @@ class Compilation:
                     return
 
     def _takes(self, lock: filelock.BaseFileLock) -> bool:
-        """Take a lock, until all is compiled; return False when another process has it for `_ASK_S`."""
+        """Take the lock and hold it until all is compiled; return False if another process keeps it for `_ASK_S`."""
         try:
             self._held.enter_context(lock.acquire(timeout=_ASK_S))
         except filelock.Timeout:
@@ -111,9 +113,10 @@ class Compilation:
         return True
 
     def _fork(self, groups: list[list[Any]], processes: int) -> None:
-        """Let forked processes take one group after the other; each says when it finished a function, and all of them.
+        """Fork processes that compile one group after the other and report each finished function and group.
 
-        What a process could not compile is compiled, and its error raised, by the one that needs it.
+        A function that a forked process could not compile is compiled by the process that needs it, where the error is
+        raised.
         """
         self.news, write = os.pipe()
         waiting, queue = os.pipe()
@@ -126,7 +129,7 @@ class Compilation:
         self._tell_awaited()
 
     def _read(self) -> None:
-        """Wait for the next news of the processes; `news` is None when they have ended."""
+        """Wait for the next reports of the forked processes and count them; set `news` to None when all have ended."""
         assert self.news is not None
         data = os.read(self.news, 1024)
         for said in data:
@@ -147,7 +150,7 @@ class Compilation:
 
     def _end(self) -> None:
         for child in self.children:
-            with suppress(ChildProcessError):  # somebody else here waits for all children
+            with suppress(ChildProcessError):  # other code in this process has waited for all children
                 os.waitpid(child, 0)
         self._held.close()
         _compile(ENTRIES)
@@ -158,7 +161,7 @@ def _say(text: str) -> None:
 
 
 def missing_functions() -> int:
-    """Return how many functions the entry points of all imported modules lack."""
+    """Return how many functions must be compiled for the entry points of all imported modules."""
     return _count(_missing())
 
 
@@ -180,7 +183,7 @@ def _may_fork() -> bool:
 
 
 def _groups(entries: Sequence[Any]) -> list[list[Any]]:
-    """Return entry points that share inner functions together, so that each is compiled once; the largest first."""
+    """Group entry points that share inner functions, so that each function is compiled once; largest group first."""
     groups: list[tuple[set[int], list[Any]]] = []
     for kernel in entries:
         reached, members = _reached(kernel), [kernel]

@@ -22,16 +22,16 @@ NOT_COMPILED = (
 
 
 def require_compiling() -> None:
-    """Raise `UsageError` where the environment keeps numba from compiling; numba is not loaded for it."""
+    """Raise `UsageError` if the environment sets `NUMBA_DISABLE_JIT`. Does not load numba."""
     if os.environ.get("NUMBA_DISABLE_JIT", "").strip() not in ("", "0"):
         raise UsageError(NOT_COMPILED)
 
 
 class Kernel:
-    """A function for numba: what Python calls (`entry`, with `cached` kept in the cache) or a part of that (`inner`).
+    """A function for numba; `kind` names its maker in `dispatchers`: `cached_entry`, `uncached_entry` or `inner`.
 
-    It has the attributes of numba's dispatcher. The parts of a kernel are found as such by numba, because it asks
-    unknown objects for `_numba_type_`.
+    Python calls entries, only compiled functions call inner functions. A kernel has the attributes of numba's
+    dispatcher. numba finds the inner functions of a kernel because it asks unknown objects for `_numba_type_`.
     """
 
     def __init__(self, function: Callable[..., Any], kind: str) -> None:
@@ -41,7 +41,7 @@ class Kernel:
 
     @functools.cached_property
     def dispatcher(self) -> Any:
-        """What numba made of the function, so far without compiling it."""
+        """numba's dispatcher of the function; making the dispatcher compiles nothing."""
         from pytest_drive_robust.jit import dispatchers  # loads numba
 
         return getattr(dispatchers, self._kind)(self.py_func)
@@ -51,7 +51,7 @@ class Kernel:
         return self.dispatcher._numba_type_
 
     def __call__(self, *arguments: Any) -> Any:
-        """Compile or load it for these arguments, unless that was done, and run it."""
+        """Run the function; the first call with arguments of these types compiles or loads its machine code."""
         return self.dispatcher(*arguments)
 
     def __getattr__(self, name: str) -> Any:
@@ -65,7 +65,7 @@ ENTRIES: list[Kernel] = []
 
 
 def entry(function: Function) -> Function:
-    """Compile what Python calls, at its first call, for the types of its annotations, and keep it in the cache.
+    """Compile a function that Python calls, at its first call, for the types of its annotations, and cache the code.
 
     See `signatures.argument_types` for what may be annotated.
     """
@@ -75,10 +75,10 @@ def entry(function: Function) -> Function:
 
 
 def uncached_entry(function: Function) -> Function:
-    """Compile what Python calls as `entry` does, for whatever types it is called with, and keep it nowhere."""
+    """Compile a function that Python calls, at its first call, for the types of its arguments; cache nothing."""
     return cast(Function, Kernel(function, "uncached_entry"))
 
 
 def inner(function: Function) -> Function:
-    """Compile what only compiled functions call; from Python it raises `TypeError`."""
+    """Compile a function that only compiled functions call; a call from Python raises `TypeError`."""
     return cast(Function, Kernel(function, "inner"))

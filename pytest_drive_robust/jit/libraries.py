@@ -1,11 +1,12 @@
 """Two pipelines for numba: inner functions are only parts, an entry point is compiled as a whole.
 
-By default numba optimises every function with all that it calls, and makes machine code of it, before it does the same
-for the caller, into which all of that is copied again. A part is translated and simplified by itself, once, and stops
-there; the entry point that is made of it links, optimises and compiles all parts together. That takes half the time.
+By default numba optimises every function together with all functions that it calls, and makes machine code of it. Then
+numba does the same for the caller, into which that code is copied again. Here an inner function is only translated and
+simplified, once; the entry point links, optimises and compiles all its inner functions together. That takes half the
+time.
 
-This leans on how numba is built inside: see `TESTED` for the releases with which the tests were run. Any other one
-compiles in its own way: slower, with the same results.
+The pipelines depend on numba's internals: `TESTED` has the releases with which the tests were run. Any other release
+compiles in numba's own way: slower, with the same results.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ def is_tested(version: str = numba.__version__) -> bool:
 
 
 class PartLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """The code of one inner function: simplified, neither linked with what it calls nor made machine code."""
+    """The code of one inner function: simplified, not linked with the functions that it calls, no machine code."""
 
     def finalize(self) -> None:
-        """Make the code ready for being copied into others."""
+        """Prepare the code for being copied into entry points."""
         for function in self._final_module.functions:
             if not function.is_declaration and function.linkage == binding.Linkage.external:
-                function.linkage = "linkonce_odr"  # an entry point may get it along several ways
+                function.linkage = "linkonce_odr"  # an entry point may get the function from several callers
         self._shared_module = self._final_module
         self._finalized = True
 
@@ -56,13 +57,13 @@ class WholeLibrary(JITCodeLibrary):  # type: ignore[misc]
         found: dict[Any, None] = {}
         for library in vars(self)["_linking_libraries"]:
             _add_parts(library, found)
-        # callers first: the linker leaves out what nobody has called so far
+        # callers first: the linker drops a function that no earlier library calls
         self._linking_libraries = list(reversed(found))
         super().finalize()
 
 
 def _add_parts(library: Any, found: dict[Any, None]) -> None:
-    """Add a library to `found`, that of an inner function after all that it calls."""
+    """Add a library to `found`; an inner function's library comes after those of all functions that it calls."""
     if library in found:
         return
     for called in vars(library)["_linking_libraries"] if isinstance(library, PartLibrary) else ():
@@ -77,7 +78,7 @@ class PartLowering(NativeLowering):  # type: ignore[misc]
     _name = "part_lowering"
 
     def run_pass(self, state: Any) -> bool:
-        """Translate; what Python would call is a function that raises."""
+        """Translate the function; Python gets a stand-in that raises `TypeError`."""
         state.library = PartLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)
@@ -109,7 +110,7 @@ class WholeLowering(NativeLowering):  # type: ignore[misc]
 
 
 def _pipelines(state: Any, lowering: type[Any]) -> list[Any]:
-    """Return numba's own pipeline with another last translation."""
+    """Return numba's own pipeline with `lowering` in place of `NativeLowering`."""
     manager = DefaultPassBuilder.define_nopython_pipeline(state)
     manager.passes = [(lowering if one is NativeLowering else one, about) for one, about in manager.passes]
     manager._finalized = False

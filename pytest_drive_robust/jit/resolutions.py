@@ -1,8 +1,8 @@
 """Remember, while kernels are compiled, which of numba's implementations fits which types.
 
-For every `+` and every index numba asks each implementation that it knows whether it fits, two dozen of them, twice,
-although it has just done so for the same types: a fifth of all that compiling takes. The answer depends on nothing but
-the function, the types and the flags of the compiler, so it is kept; the machine code is the same.
+For every `+` and every index numba asks each of two dozen implementations whether it fits, twice, even if numba has
+just asked for the same types. This takes a fifth of the time of compiling. The answer depends only on the function, the
+types and the flags of the compiler, so this module keeps the answer; the machine code is the same.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from numba.core.types.functions import BaseFunction
 _BASE: Any = BaseFunction
 _RESOLVE: Any = BaseFunction.get_call_type
 _KNOWN: dict[Any, tuple[Any, Any, Any]] = {}
-"""By function, types and flags: the function (which stays alive so), the signature and what numba finds its code by."""
+"""By function, types and flags: the function (to keep it alive), its signature and numba's key of its code."""
 
 
 @contextmanager
 def remembered_resolutions() -> Iterator[None]:
-    """Let numba look up what it has found out before. May be nested; other code that uses numba meets none of it."""
+    """Let numba reuse earlier answers within this context. May be nested; code outside the context is not affected."""
     before = _BASE.get_call_type
     _BASE.get_call_type = _resolved
     try:

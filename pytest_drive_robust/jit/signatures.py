@@ -1,4 +1,4 @@
-"""The types of an entry point from its annotations: it is compiled for these and no others."""
+"""The argument types of an entry point from its annotations: an entry point is compiled for these types only."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def argument_types(function: Callable[..., Any]) -> tuple[Any, ...]:
     """Return numba's types of the arguments of an annotated function.
 
     Arrays are annotated with their dimensions, `Annotated[NDArray[np.uint8], 3]`, and are writable and contiguous.
-    Raises `TypeError` for an annotation that is none of those that kernels take.
+    Raises `TypeError` for an annotation that no kernel can take.
     """
     hints = get_type_hints(function, include_extras=True)
     hints.pop("return", None)

@@ -1,8 +1,8 @@
-"""Deployment failures, one small class each, and the stacks of them that episodes are driven under.
+"""Deployment failures, one small class each, and stacks of failures, under which episodes are driven.
 
 Imports point one way, in this order: `severity`, `readings`; `sentences`; `context`, `paper_variables`; `base`; a
-module for each failure, for both of ego noise; `ladder`. A new built-in failure is a new module and a line in the
-table below.
+module for each failure, one for both kinds of ego noise; `ladder`. A new built-in failure is a new module and a line in
+the table below.
 """
 
 from __future__ import annotations

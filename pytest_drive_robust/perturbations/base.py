@@ -1,4 +1,4 @@
-"""What every perturbation is, a stack of them (`Setting`), and a stack at work (`RunningStack`).
+"""The base class of perturbations, a stack of perturbations (`Setting`), and a stack at work (`RunningStack`).
 
 A perturbation is a dataclass of its severities that touches one of the two seams. Write your own in ten lines: inherit
 from `Perturbation`, give it a `phrase`, override what you touch::
@@ -16,8 +16,8 @@ from `Perturbation`, give it a `phrase`, override what you touch::
                 lambda name, image: Image((image.pixels * self.gain).astype("uint8"), image.tick)
             )
 
-The three classes stand together because each speaks of the next: two perturbations added are a setting, a setting
-starts as a running stack, and that runs perturbations.
+The three classes stand in one module because each refers to the next: the sum of two perturbations is a setting, a
+setting starts as a running stack, and a running stack calls perturbations.
 """
 
 from __future__ import annotations
@@ -48,13 +48,13 @@ class Perturbation:
     """Base of all perturbations: the identity on both seams, `+` to stack, and a sentence for people.
 
     The dataclass fields are the severities, with their unit in the name. The runner copies the object for every
-    episode, so `reset` may keep state in ordinary attributes. Everything else about a class stands in it as well,
-    without an annotation or as `ClassVar`, which makes no severity of it:
+    episode, so `reset` may keep state in ordinary attributes. Other attributes describe the class. Write them without
+    an annotation or as `ClassVar`, so that they are no severities:
 
     * `phrase` is the sentence form with the fields that it shows: `"{ms} ms latency"`. It is used in both directions:
       for `str()` and by the requirement parser. Fields that the phrase does not show follow in brackets when they
-      differ from their defaults: `"200 ms latency (mode=hold)"`. It is not inherited: a class without one is called
-      by its own name in words.
+      differ from their defaults: `"200 ms latency (mode=hold)"`. A phrase is not inherited: a class without a phrase
+      is called by its own name in words.
     * `variants` are special sentences with the fields that they imply:
       `{"measured latency": {"mode": "measured"}}`.
     * `example` has usual values of the fields without default, for the sentences that messages propose.
@@ -62,8 +62,8 @@ class Perturbation:
       `("gain", (0.9, 0.5, 0.1))`. `("ms", "ticks")` steps by whole ticks in milliseconds, up to a second.
     * `readings` are the switches that a reading sets, where the readings differ:
       `{"released": {"length": "uniform"}}` (see `perturbations.readings`).
-    * `files` names what it reads: when the content changes, its episodes are driven anew.
-    * `idle_reason` says why it may have changed nothing.
+    * `files` names the files that the perturbation reads: when their content changes, its episodes are driven anew.
+    * `idle_reason` says why the perturbation may have changed nothing.
     """
 
     phrase: ClassVar[str] = ""
@@ -74,14 +74,14 @@ class Perturbation:
     files: ClassVar[Sequence[str | os.PathLike[str]]] = ()
 
     def __init_subclass__(cls, **options: object) -> None:
-        """Give a class its own sentence: two failures with one would be driven and stored as the same."""
+        """Drop an inherited `phrase`: two failures with the same sentence would be driven and stored as one."""
         super().__init_subclass__(**options)
         if "phrase" not in vars(cls):
             cls.phrase = ""
             cls.variants = vars(cls).get("variants", {})
 
     def __new__(cls, *args: object, **severities: object) -> Self:
-        """Note which severities are said, so that a reading sets the others only."""
+        """Note which severities the caller gives, so that a reading sets only the others."""
         made = super().__new__(cls)
         names = [field.name for field in dataclasses.fields(cls) if field.init] if args else []
         vars(made)["_said"] = frozenset(severities).union(names[: len(args)])
@@ -91,7 +91,7 @@ class Perturbation:
         """Begin an episode. Override to build the state that the other methods need."""
 
     def observe(self, observation: Observation) -> Observation:
-        """Return what the agent gets instead of this. The arrays of its argument are read-only."""
+        """Return the observation that the agent gets instead. The arrays of the argument are read-only."""
         return observation
 
     def wants_inference(self, tick: int) -> bool:
@@ -109,16 +109,16 @@ class Perturbation:
     def schedule(self) -> tuple[Injection, ...]:
         """Return what was injected so far, for the record. Called once, at the end of the episode.
 
-        That is what was noted in `self._spans`, where `reset` made one (see `context.Spans`).
+        The default returns the ticks that `self._spans` noted, if `reset` made one (see `context.Spans`).
         """
         spans: Spans | None = vars(self).get("_spans")
         return () if spans is None else spans.injections()
 
     def idle_reason(self, cameras: tuple[str, ...], dt_s: float) -> str:
-        """Return in a clause why it changed nothing: `"latency 20 ms is 0 ticks at 20 Hz"`.
+        """Return in a clause why the perturbation changed nothing: `"latency 20 ms is 0 ticks at 20 Hz"`.
 
-        Asked only after whole episodes in which nothing changed, of an agent with these cameras; a tick is `dt_s`
-        seconds long.
+        Called only after whole episodes in which nothing changed. `cameras` are the names of the agent's cameras,
+        `dt_s` is the length of a tick in seconds.
         """
         return "with these severities it leaves every signal and every command as it is"
 
@@ -127,9 +127,9 @@ class Perturbation:
         return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.init}
 
     def read_as(self, reading: DriveReading) -> Self:
-        """Return this failure with the switches of a reading; what was read before stays as it is.
+        """Return this failure with the switches of `reading`; itself when a reading was applied before.
 
-        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        Raises `PerturbationError` for a switch that the caller gave with another value than the reading has.
         """
         if vars(self).get("_read", False):
             return self
@@ -147,7 +147,7 @@ class Perturbation:
         return made
 
     def with_severities(self, **changed: Any) -> Self:
-        """Return the same with other severities. What was read as some reading stays so."""
+        """Return a copy with other severities. A reading that was applied stays applied."""
         made = dataclasses.replace(self, **changed)
         vars(made).update(_said=self._was_said().union(changed), _read=vars(self).get("_read", False))
         return made
@@ -165,7 +165,7 @@ class Perturbation:
 
 
 _OF_THE_CLASS = ("phrase", "variants", "example", "ladder", "readings", "files")
-"""What a class says about itself, and no severity."""
+"""Attributes that describe a class and are no severities."""
 
 BUILTIN: dict[str, type[Perturbation]] = {}
 """Every perturbation that comes with the package, by its name (`"gps-noise"`). `perturbations/__init__` fills it."""
@@ -175,9 +175,9 @@ BUILTIN: dict[str, type[Perturbation]] = {}
 class Setting:
     """The perturbations of an episode, in the order in which they are applied; the empty stack is `clean`.
 
-    On the observation seam the first one changes the observation first, on the control seam the first one changes the
-    control first. The sentence (`str()`) is the key of the setting wherever episodes are stored. Settings are equal
-    when their perturbations are of the same classes with the same parameters in the same order.
+    The first perturbation is applied first, to the observation and to the control alike. The sentence (`str()`) is the
+    key of the setting wherever episodes are stored. Settings are equal when their perturbations are of the same classes
+    with the same parameters in the same order.
 
     >>> from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation
     >>> setting = PartialObservation(ratio=0.5) + InferenceLatency(ms=100)
@@ -193,10 +193,10 @@ class Setting:
 
     @classmethod
     def of(cls, *perturbations: Perturbation) -> Setting:
-        """Return a stack of these.
+        """Return the setting of these perturbations.
 
-        Raises `PerturbationError` for anything that is no `Perturbation` object, and for one whose severities are no
-        dataclass fields.
+        Raises `PerturbationError` for anything but a `Perturbation` object, and for a perturbation whose severities are
+        no dataclass fields.
         """
         for given in perturbations:
             if not isinstance(given, Perturbation):
@@ -207,7 +207,7 @@ class Setting:
 
     @classmethod
     def parse(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
-        """Read what `str()` writes, over the perturbation classes `known` (default: the built-in ones).
+        """Parse a sentence that `str()` writes; `known` are the perturbation classes (default: the built-in ones).
 
         Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
         """
@@ -228,14 +228,14 @@ class Setting:
 
     @property
     def warmup_ticks(self) -> int:
-        """For so many ticks the vehicle gets neutral commands: the longest `warmup_ticks` of the stack, 0 if none."""
+        """Number of ticks at the start with neutral commands: the largest `warmup_ticks` of the stack, 0 if none."""
         return max((int(getattr(item, "warmup_ticks", 0)) for item in self.perturbations), default=0)
 
     @property
     def baseline(self) -> Setting:
-        """What this setting is compared with: `clean`, or a clean drive with the same warm-up and way to wait.
+        """The setting that this one is compared with: `clean`, or a clean drive with the same warm-up and latency mode.
 
-        Without a latency both ways do the same; the sentence of the baseline says which reading it belongs to.
+        With 0 ms latency the modes drive the same; the mode makes the sentence of the baseline tell its reading.
         """
         ticks = self.warmup_ticks
         if not ticks:
@@ -245,9 +245,9 @@ class Setting:
         return Setting.of(BUILTIN["inference-latency"](**no_latency))
 
     def read_as(self, reading: DriveReading | None) -> Setting:
-        """Return the setting with each failure as `reading` has it; itself where nobody asked for one.
+        """Return the setting with `reading` applied to each failure; itself when `reading` is None.
 
-        Raises `PerturbationError` for a switch that was said and that the reading has otherwise.
+        Raises `PerturbationError` for a switch that the caller gave with another value than the reading has.
         """
         return self if reading is None else Setting(tuple(item.read_as(reading) for item in self.perturbations))
 
@@ -290,10 +290,10 @@ Setting.CLEAN = Setting()
 
 
 class RunningStack:
-    """The reset copies of a setting's perturbations, at work on both seams. Made by `Setting.start` for one episode.
+    """The perturbations of a setting at work on both seams: copied and reset for one episode by `Setting.start`.
 
-    A perturbation costs nothing on a seam that its class does not override, so the clean stack gives back the very
-    objects that it gets.
+    A perturbation costs nothing on a seam that its class does not override, so the clean stack returns the same objects
+    that it gets.
     """
 
     __slots__ = ("_actuate", "_last", "_observe", "_perturbations", "_wants")
@@ -307,17 +307,17 @@ class RunningStack:
 
     @property
     def warmup_ticks(self) -> int:
-        """For so many ticks the vehicle gets neutral commands: the longest of the stack, 0 if there is none."""
+        """Number of ticks at the start with neutral commands: the largest `warmup_ticks` of the stack, 0 if none."""
         return Setting(self._perturbations).warmup_ticks
 
     @property
     def observes(self) -> bool:
-        """True when a perturbation is given the observations."""
+        """True when a perturbation overrides `observe`."""
         return bool(self._observe)
 
     @property
     def measures_inference(self) -> bool:
-        """True when the wall time of inference decides what happens: such an episode repeats only as a replay."""
+        """True when the wall time of inference decides what happens: only a replay repeats the episode."""
         return any(bool(getattr(item, "measures_inference", False)) for item in self._perturbations)
 
     @property
@@ -327,14 +327,17 @@ class RunningStack:
         return next(filter(None, times), ())
 
     def observe(self, observation: Observation) -> Observation:
-        """Return the observation that the agent gets. The arrays of the argument are not written to."""
+        """Return the observation that the agent gets. The arrays of the argument are not written to.
+
+        Raises `PerturbationError` when a perturbation gives no valid observation of this tick.
+        """
         for change in self._observe:
             given, observation = observation, change(observation)
             if not isinstance(observation, Observation):
                 raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
             if observation is given:
                 continue
-            if observation.tick != given.tick:  # what comes after it in the stack draws and counts by the tick
+            if observation.tick != given.tick:  # later perturbations of the stack draw and count by the tick
                 raise PerturbationError(f"{change.__qualname__} {another_tick(given, observation)}")
             problem = observation.signal_problem()
             if problem is not None:
@@ -357,7 +360,7 @@ class RunningStack:
         return True
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
-        """Return the control that the vehicle gets: the last one when there is no new one, neutral before the first."""
+        """Return the control that the vehicle gets: the new one, else the last one, else the neutral one."""
         for change in self._actuate:
             control = change(tick, control, inference_s)
         if control is not None:
@@ -378,14 +381,14 @@ def another_tick(given: Observation, got: Observation) -> str:
 
 
 def is_yes_or_no(answer: object) -> bool:
-    """Return whether this can answer `wants_inference`: None is a forgotten return, which would keep it busy."""
+    """Return True for an answer that `wants_inference` may give: not None, which a forgotten `return` gives."""
     import numpy as np
 
     return isinstance(answer, (int, np.bool_, np.integer))
 
 
 def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
-    """Raise `PerturbationError` for images that no camera of the agent takes: the agent would be blamed for them."""
+    """Raise `PerturbationError` for images that the agent's cameras cannot take: the agent would be blamed."""
     if changed.keys() != given.keys():
         raise PerturbationError(f"{change} gave images of {sorted(changed)}, expected those of {sorted(given)}")
     for name, image in changed.items():
@@ -407,7 +410,7 @@ def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str,
 def check_severities_are_fields(cls: type[Perturbation]) -> None:
     """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them.
 
-    So it does where an annotation made a field of what the class says about itself: `phrase: str = "..."`.
+    Raise it also where an annotation makes a field of an attribute that describes the class: `phrase: str = "..."`.
     """
     for base in cls.__mro__:
         if base is not object and "__init__" in vars(base) and "__dataclass_params__" not in vars(base):

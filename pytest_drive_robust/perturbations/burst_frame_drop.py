@@ -17,18 +17,18 @@ from pytest_drive_robust.perturbations.severity import checked_choice, checked_n
 class BurstFrameDrop(Perturbation):
     """A camera link that hangs: for a while the camera repeats its last valid image, and nothing tells the agent.
 
-    Formula: `I~_t = I_t`, or `I_t*` while a burst runs, `t*` being the tick of the last image that was delivered
-    valid. Each camera on its own starts a burst in a tick with `probability`; the tick that starts it is already
-    stale, and while a burst runs no new one starts. The first image of an episode is always delivered. A stale image
-    keeps the tick of its capture.
+    Formula: `I~_t = I_t`, or `I_t*` while a burst runs, where `t*` is the tick of the last image that was delivered
+    valid. In each tick each camera starts a burst with `probability`, independent of other cameras. The first tick of a
+    burst is already stale, and no burst starts while another one runs. The first image of an episode is always
+    delivered. A stale image keeps the tick of its capture.
 
     Severities: `length_s`, seconds, above 0 (the paper drives 1 and 3); `probability` per camera and tick, 0..1;
     `length`: `"fixed"` is the paper's burst of `length_s`, `"uniform"` the released code's draw of 2 ticks up to
     `length_s`.
 
-    Source: paper, "Camera-Stream Perturbations"; it does not say the probability, 0.01 is the released default (one of
-    its figures shows 0.1). What stands after this in the stack, a mask say, is applied to the stale image anew in
-    every tick, where the released code freezes the masked image.
+    Source: paper, "Camera-Stream Perturbations". The paper does not say the probability; 0.01 is the released default
+    (a figure of the paper shows 0.1). A later perturbation of the stack, such as a mask, is applied to the stale image
+    anew in every tick, where the released code freezes the masked image.
 
     >>> str(BurstFrameDrop(length_s=3))
     '3 s burst frame drop'
@@ -52,7 +52,7 @@ class BurstFrameDrop(Perturbation):
         checked_choice(self, "length", ("fixed", "uniform"))
 
     def reset(self, context: EpisodeContext) -> None:
-        """Key the bursts to this episode. Raises `PerturbationError` when a burst is shorter than it can be."""
+        """Key the bursts to this episode. Raises `PerturbationError` when `length_s` is too short for one burst."""
         self._context = context
         self._draws = context.draws()
         self._longest_ticks = whole_ticks(self.length_s, context.dt_s)
@@ -104,9 +104,9 @@ class BurstFrameDrop(Perturbation):
 class BurstSchedule:
     """The bursts of one camera as (first tick, last tick) pairs, a pure function of the draws.
 
-    In every tick without a burst a new one starts with `probability`; the tick that starts it belongs to it, and
-    while one runs no new one starts. Tick 0 never starts one, because no earlier image exists. The schedule is
-    worked out tick by tick from tick 1, whatever ticks are asked for, so it does not depend on who looks when.
+    In every tick outside of a burst a new burst starts with `probability`; its first tick belongs to the burst. Tick 0
+    never starts a burst, because no earlier image exists. The schedule is worked out tick by tick from tick 1,
+    whatever ticks are asked for, so the order of the calls does not matter.
 
     A burst lasts `longest_ticks`, or 2..`longest_ticks` with equal chances when `uniform`.
     """

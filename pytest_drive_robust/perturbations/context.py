@@ -1,4 +1,4 @@
-"""What a perturbation knows of the episode that begins, its random numbers, and what it notes for the record.
+"""What a perturbation knows of its episode, its random numbers, and its notes for the record.
 
 A random number is a pure function of (seed, route, perturbation, sensor, tick): the names are hashed into the 128-bit
 key of a Philox generator and the tick is its counter (Salmon et al., "Parallel random numbers: as easy as 1, 2, 3", SC
@@ -26,15 +26,15 @@ _BLOCK_TICKS = 256  # one call of numpy serves 12.8 s at 20 Hz
 _UNIT = 2.0**-53  # a float in [0, 1) from the upper 53 bits of a word
 _PERSON = b"drive-robust v1"  # sets our keys apart from every other use of the hash; change it to change all numbers
 NO_CAMERA = "the agent has no camera"
-"""Why a failure of cameras changed nothing."""
+"""The `idle_reason` of a camera failure for an agent without cameras."""
 
 
 class Draws:
     """The random numbers of one perturbation in one episode: four for each sensor and tick.
 
-    `seed` is any integer, `route_id`, `stream` and `sensor` any strings. All numbers are the same to the
-    last bit on every machine and with every version of numpy, which promises the words of its bit generators (NEP 19);
-    what becomes of them is plain arithmetic.
+    `seed` is any integer, `route_id`, `stream` and `sensor` any strings. All numbers are the same to the last bit on
+    every machine and with every version of numpy: numpy promises the words of its bit generators (NEP 19), and plain
+    arithmetic turns these words into numbers.
 
     >>> draws = Draws(7, "2091", "gps-noise")
     >>> draws.normal("gps", 30) == Draws(7, "2091", "gps-noise").normal("gps", 30)
@@ -100,7 +100,7 @@ class EpisodeContext:
         return Draws(self.seed, self.route_id, self.stream)
 
     def camera_key(self, name: str) -> str:
-        """Return what the draws for a camera are asked by: its position in the rig, `"camera 0"` for the first one.
+        """Return the sensor name of a camera for `Draws`: its position in the rig, `"camera 0"` for the first camera.
 
         Agents name their cameras as they like, `front` or `CAM_FRONT`; the position makes them meet the same pattern.
         Raises `PerturbationError` for a camera that the rig does not have.
@@ -117,7 +117,7 @@ class EpisodeContext:
 class Spans:
     """The ticks that a perturbation touched, for perturbations that work in every tick.
 
-    Kept are the first tick of each signal and the last tick of all, in the order in which the signals came up.
+    Keeps the first tick of each signal, in the order of these ticks, and the last tick of all signals.
     """
 
     __slots__ = ("_first", "_last", "_stream")

@@ -1,4 +1,4 @@
-"""Noise on what the vehicle knows of itself: a satellite receiver among high buildings, a wheel-speed sensor."""
+"""Noise on the ego's own state: a satellite receiver among high buildings, a wheel-speed sensor."""
 
 from __future__ import annotations
 

@@ -22,8 +22,8 @@ class FrameBlend(Perturbation):
     """An image pipeline that smears: long exposure, temporal denoising, a decoder that blends frames.
 
     Formula: `I~_t = sum(w_i I_i) / sum(w_i)` over the last `frames` images of the camera, rounded to the nearest;
-    `"uniform"` weights are 1, `"linear"` ones are 1 for the oldest up to `frames` for the newest. At the start of an
-    episode the mean goes over the images that there are. The tick of capture is the newest image's.
+    `"uniform"` weights are 1, `"linear"` weights grow from 1 for the oldest image to `frames` for the newest. At the
+    start of an episode the mean goes over the images so far. The tick of capture is that of the newest image.
 
     Severity: `frames`, a count, 1 (nothing happens) or more. Source: the released code's `BLEND_*` variables; the
     paper does not drive it.
@@ -62,7 +62,7 @@ class FrameBlend(Perturbation):
         return f"the mean of {self.frames} frames is the newest one in {cameras_by_name(cameras)}"
 
     def _blended(self, camera: str, image: Image) -> Image:
-        """Return the mean up to this image; the last one again where the camera has taken none since."""
+        """Return the mean up to this image; return the last mean again when the camera has taken no new image."""
         last = self._last.get(camera)
         if last is not None and last.tick == image.tick:
             return last
@@ -76,9 +76,9 @@ class FrameBlend(Perturbation):
 class _RunningMean:
     """The weighted mean of the last images in whole numbers: exact, and as cheap for 20 images as for 2.
 
-    With `plain` the sum of the images and `ramp` the sum weighted 1, 2, ... from the oldest, a new image changes them
-    by `ramp += n * new - plain` (all weights fall by one) and `plain += new - oldest`. Unsigned numbers may wrap on
-    the way; the sums themselves always fit. The buffers are kept, because fresh memory costs more than the sums.
+    `plain` is the sum of the images, `ramp` the sum with weights 1, 2, ... from the oldest. A new image changes the
+    sums by `ramp += n * new - plain` (all weights fall by one) and `plain += new - oldest`. Unsigned numbers may wrap
+    on the way; the final sums always fit. The buffers are kept, because fresh memory costs more than the sums.
     """
 
     __slots__ = ("_buffer", "_images", "_linear", "_next", "_plain", "_pushed", "_ramp")
@@ -87,7 +87,7 @@ class _RunningMean:
         import numpy as np
 
         weight = frames * (frames + 1) // 2 if linear else frames
-        kind = np.dtype(np.uint16 if weight <= 256 else np.uint64)  # 256 bytes and a half fit into 16 bits
+        kind = np.dtype(np.uint16 if weight <= 256 else np.uint64)  # 255 * 256 + 128 fits into 16 bits
         self._linear = linear
         self._pushed = 0
         self._images: NDArray[np.unsignedinteger] = np.zeros((frames, *like.shape), dtype=kind)
@@ -96,7 +96,7 @@ class _RunningMean:
         self._buffer: NDArray[np.unsignedinteger] = np.zeros(like.shape, dtype=kind)
 
     def push(self, pixels: Pixels) -> Pixels:
-        """Add an image and give the mean, both (height, width, 3) uint8."""
+        """Add an image and return the mean, both (height, width, 3) uint8."""
         import numpy as np
 
         frames = len(self._images)

@@ -31,19 +31,19 @@ class InferenceLatency(Perturbation):
     ============ =====================================================================================================
     `"fifo"`     `a~_t = a_(t-d)`: the agent runs in every tick, its command is applied `d` ticks later. The paper's
                  equation and the default.
-    `"hold"`     the released wrapper: the agent runs once, its command is applied `d` ticks later, and only then does
-                 the agent run again; in between the last command is held. So a command is `d` to `2d - 1` ticks old.
-    `"measured"` hold with `d = floor(inference_s / dt)` of the wall time that each inference took. The times are
-                 recorded; given back as `replay_s` they replay the episode exactly.
+    `"hold"`     the released wrapper: the agent runs once, its command is applied `d` ticks later, and only then the
+                 agent runs again; in between the last command is held. So a command is `d` to `2d - 1` ticks old.
+    `"measured"` as `"hold"`, with `d = floor(inference_s / dt)` of the wall time of each inference. The times are
+                 recorded; passed as `replay_s`, these times replay the episode exactly.
     ============ =====================================================================================================
 
-    Until the first command is due the vehicle gets the neutral one (throttle 0, steer 0, brake 0). In the first
-    `warmup_ticks` ticks of an episode it gets the neutral one in any case, while the agent already runs: the released
-    code does so for 20 ticks, by default we do not. The clean baseline gets the same warm-up (`Setting.baseline`), so
-    that it is no part of the measured degradation.
+    Until the first command is due, the vehicle gets the neutral command (throttle 0, steer 0, brake 0). In the first
+    `warmup_ticks` ticks of an episode the vehicle always gets the neutral command, while the agent already runs: 20
+    ticks in the released code, 0 by default. The clean baseline gets the same warm-up (`Setting.baseline`), so that the
+    warm-up is no part of the measured degradation.
 
-    Severity `ms`: milliseconds, 0 (nothing happens) or at least one tick; the paper drives 100, 200 and 500. It has
-    no meaning in `"measured"` mode and is left out there. `replay_s`: seconds, one for each inference.
+    Severity `ms`: milliseconds, 0 (nothing happens) or at least one tick; the paper drives 100, 200 and 500. The mode
+    `"measured"` takes no `ms`. `replay_s`: seconds, one value for each inference.
 
     Source: paper, "Inference Latency" and the appendix on the injection architecture.
 
@@ -89,7 +89,7 @@ class InferenceLatency(Perturbation):
 
     @property
     def inference_s(self) -> tuple[float, ...]:
-        """The times of all inferences of this episode in seconds, in measured mode: what `replay_s` takes."""
+        """The time of each inference of this episode in seconds, in the mode `"measured"`: a value for `replay_s`."""
         return tuple(self._times_s)
 
     def reset(self, context: EpisodeContext) -> None:
@@ -101,7 +101,7 @@ class InferenceLatency(Perturbation):
         self._spans = Spans(context.stream)
 
     def wants_inference(self, tick: int) -> bool:
-        """Return True in fifo mode; in the others when the last command has become due."""
+        """Return True in the mode `"fifo"`; in the other modes, once the last command is due."""
         return self._buffer.is_free(tick)
 
     def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
@@ -137,7 +137,7 @@ class InferenceLatency(Perturbation):
 
 
 class _Fifo:
-    """A pipe of `ticks` commands, filled with the neutral one: one goes in and one comes out in every tick."""
+    """A queue of `ticks` commands, neutral at first: in every tick one command enters and one command leaves."""
 
     __slots__ = ("_newest", "_pipe")
 
@@ -150,7 +150,7 @@ class _Fifo:
         return True
 
     def exchange(self, tick: int, control: Control | None, delay: int) -> Control:
-        """Put the new command in (the last one again when there is none) and take the one that is due."""
+        """Add `control` to the queue (the last control again when None) and return the command that is due."""
         if control is not None:
             self._newest = control
         self._pipe.append(self._newest)
@@ -158,7 +158,7 @@ class _Fifo:
 
 
 class _Hold:
-    """A computer with one request at a time: busy until its command is due, which then holds until the next one is."""
+    """A computer with one request at a time: busy until its command is due. A command holds until the next is due."""
 
     __slots__ = ("_current", "_due", "_pending")
 
@@ -172,10 +172,10 @@ class _Hold:
         return tick >= self._due
 
     def exchange(self, tick: int, control: Control | None, delay: int) -> Control:
-        """Release the command that is due, start on the new one, and give the command that holds in this tick.
+        """Release the command that is due, start on the new command, and return the command that holds in this tick.
 
-        A command that comes while the computer is busy is not a new one: in a stack, an earlier latency repeats its
-        command in every tick.
+        A command that comes while the computer is busy is ignored: in a stack, an earlier latency repeats its command
+        in every tick.
         """
         if self._pending is not None and tick >= self._due:
             self._current, self._pending = self._pending, None

@@ -1,7 +1,7 @@
 """The severities that a search or a strategy steps through, from mild to severe.
 
-A class says its steps in the attribute `ladder` (see `Perturbation`). Latency and delay step by whole ticks, because
-nothing between two ticks exists.
+A class declares its steps in the attribute `ladder` (see `Perturbation`). Latency and delay step by whole ticks,
+because a simulation has nothing between two ticks.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from pytest_drive_robust.perturbations.sentences import brackets, render_value
 from pytest_drive_robust.perturbations.severity import whole_ticks
 
 _LONGEST_DELAY_S = 1.0
-_ROUNDING = 1e-9  # of a second by the length of a tick
+_ROUNDING = 1e-9  # a second by the length of a tick may come out a hair below a whole number
 
 
 @dataclass(frozen=True)
 class Ladder:
     """`levels` of the severity `field`, mildest first; the other severities are those of `template`.
 
-    `tick_ms` is the length of a tick where a level is so many whole ticks in milliseconds, else None. `reading` is how
-    the failure is read, the template and what is compared with it.
+    `tick_ms` is the length of a tick in milliseconds where levels are whole ticks, else None. `reading` is applied to
+    the template and to perturbations that are compared with the template.
     """
 
     template: Perturbation
@@ -38,11 +38,11 @@ class Ladder:
     reading: DriveReading | None = None
 
     def at(self, level: float) -> Perturbation:
-        """Return the perturbation of that severity. Raises `PerturbationError` for one that it cannot have."""
+        """Return the perturbation with the severity `level`. Raises `PerturbationError` for an impossible severity."""
         return self.template.with_severities(**{self.field: level})
 
     def level_of(self, perturbation: Perturbation) -> float:
-        """Return its severity on this ladder. Raises `PerturbationError` for what differs in another severity."""
+        """Return a perturbation's severity on this ladder. Raises `PerturbationError` if another severity differs."""
         if type(perturbation) is type(self.template):
             perturbation = perturbation if self.reading is None else perturbation.read_as(self.reading)
             level = perturbation.parameters()[self.field]
@@ -54,35 +54,35 @@ class Ladder:
         )
 
     def severity(self, level: float) -> float:
-        """Return a number that grows with severity and is the same for levels that do the same."""
+        """Return a number that grows with severity; levels with the same effect have the same number."""
         if self.tick_ms is not None:
             return whole_ticks(level, self.tick_ms)
         return level if self.levels[-1] >= self.levels[0] else -level
 
     def label(self, level: float) -> str:
-        """Return `"140 ms"`, `"0.5"`."""
+        """Return the level as text with its unit: `"140 ms"`, `"0.5"`."""
         return f"{render_value(round(float(level), 9))} {self.unit}".rstrip()
 
     @property
     def unit(self) -> str:
-        """`"ms"`, `"s"`, `"m"` or nothing: what the name of the severity ends with."""
+        """The unit at the end of the severity's name: `"ms"`, `"s"`, `"m"` or nothing."""
         ending = self.field.rpartition("_")[2]
         return ending if ending in ("ms", "s", "m") else ""
 
     @property
     def word(self) -> str:
-        """What people call the failure: the words of its phrase, `"latency"`, `"GPS noise"`."""
+        """The words of the failure's phrase: `"latency"`, `"GPS noise"`."""
         return failure_word(type(self.template))
 
     @property
     def name(self) -> str:
-        """The word, and in brackets what is unusual about the failure: `"latency (reading=released)"`."""
+        """The word, and in brackets the failure's unusual fields: `"latency (reading=released)"`."""
         unusual = brackets(self.template)
         return f"{self.word} ({unusual})" if unusual else self.word
 
 
 def failure_word(cls: type[Perturbation]) -> str:
-    """Return the phrase of a class without severities and their units.
+    """Return the phrase of a class without its severities and their units.
 
     >>> from pytest_drive_robust.perturbations import FrameBlend, GpsNoise, InferenceLatency
     >>> failure_word(InferenceLatency), failure_word(GpsNoise), failure_word(FrameBlend)
@@ -101,8 +101,8 @@ def ladder_of(
 ) -> Ladder:
     """Return the ladder of a class with its default severities, or of an object, whose other severities are kept.
 
-    `dt_s` is the length of a tick in seconds. `levels` replaces the usual ones: mildest first. `reading` is how the
-    failure is to be read, None where nobody asked.
+    `dt_s` is the length of a tick in seconds. `levels` replaces the usual levels, mildest first. `reading` is applied
+    to the failure, if there is one.
     Raises `PerturbationError` for a class without a ladder, and for levels that go up and down or are no severities.
 
     >>> from pytest_drive_robust.perturbations import InferenceLatency, SpeedNoise
@@ -130,7 +130,7 @@ def ladder_of(
     template = template if reading is None else template.read_as(reading)
     ladder = Ladder(template, field, tuple(dict.fromkeys(steps)), tick_ms, reading)
     for level in ladder.levels:
-        ladder.at(level)  # refused now, not after an hour of driving
+        ladder.at(level)  # refuse an impossible level now, not after an hour of driving
     return ladder
 
 

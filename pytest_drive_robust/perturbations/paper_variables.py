@@ -25,8 +25,9 @@ _SEVERITIES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "SPEED_BIAS_ENABLE": (("SPEED_BIAS_MEAN", "SPEED_BIAS_STD"), ()),
     _LATENCY: ((), ("INFERENCE_LATENCY_MS", "INFERENCE_LATENCY_MODE", "WARMUP_STEPS")),
 }
-"""The severities of each switch: those of the paper's table, which knows no switch but `ROBUSTNESS_ENABLE` and
-`INFERENCE_LATENCY_ENABLE`, so that they switch their perturbation on themselves; then those that do nothing without."""
+"""The severities of each switch, in two groups. The first group is in the paper's table, which has no switch but
+`ROBUSTNESS_ENABLE` and `INFERENCE_LATENCY_ENABLE`, so each of these severities switches its perturbation on. The second
+group does nothing without the switch."""
 
 
 def perturbations_from(environ: Mapping[str, str], known: Mapping[str, Callable[..., _P]]) -> list[_P]:
@@ -99,7 +100,7 @@ class _Variables(Generic[_P]):
         return self._environ.get(name, "").strip()
 
     def switch(self, name: str) -> bool:
-        """Read 1/0, true/false, yes/no, on/off in any case; not set is on where a severity of the paper is given."""
+        """Read 1/0, true/false, yes/no, on/off in any case; unset is on where a severity of the paper is set."""
         text = self.text(name).lower()
         if text and text not in _ON_OFF:
             raise self._refused(name, f"one of {', '.join(_ON_OFF)}")
@@ -134,7 +135,7 @@ class _Variables(Generic[_P]):
         return text
 
     def made(self, name: str, names: Sequence[str], **severities: object) -> _P:
-        """Build the perturbation `name`; where it refuses a severity, name those of its variables that are set."""
+        """Build the perturbation `name`. The error for a refused severity tells which variables of `names` are set."""
         try:
             return self._known[name](**severities)
         except PerturbationError as error:
@@ -149,7 +150,7 @@ class _Variables(Generic[_P]):
             raise self._refused(name, f"it unset: the seed of the episode keys every draw. {advice}")
 
     def refuse_idle(self) -> None:
-        """Refuse a severity that would do nothing because nobody said whether its switch is on or off."""
+        """Refuse a severity that would do nothing because its switch is not set."""
         for switch, (paper, released) in _SEVERITIES.items():
             given = [name for name in (switch, *paper, *released) if self.text(name)]
             self._refuse_without(switch, given)

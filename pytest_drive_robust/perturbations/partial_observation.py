@@ -27,15 +27,15 @@ _TAPS = (20, 20, 19, 17, 15, 13, 10, 7, 6, 4, 3, 2, 1, 0, 1)
 class PartialObservation(Perturbation):
     """Mud, a leaf or a damaged lens: a rectangle of every image shows nothing.
 
-    Formula: a rectangle of `int(height * ratio)` by `int(width * ratio)` pixels at a random place, a new one for each
-    camera in each tick, also where its image is the one of before.
+    Formula: a rectangle of `int(height * ratio)` by `int(width * ratio)` pixels at a random place. Each camera gets a
+    new place in each tick, also when its image repeats.
 
-    Severities: `ratio`, 0..1 (the paper drives 0.5 and 0.8); with `area` it is the covered share of the image instead
-    of the share of each side. `fill`: `"black"` is the paper's text, `"gray"` its figure, `"blur"` the released code's
+    Severities: `ratio`, 0..1 (the paper drives 0.5 and 0.8), is the share of each side of the image; with `area`, the
+    covered share of the image. `fill`: `"black"` is the paper's text, `"gray"` its figure, `"blur"` the released code's
     default type (Gaussian of 31 x 31 pixels within the rectangle).
 
-    Source: paper, "Camera-Stream Perturbations", which says "mask ratio"; the released code takes it of the sides, so
-    0.5 covers 25 % and 0.8 covers 64 % of the image. That is the default in either reading.
+    Source: paper, "Camera-Stream Perturbations", which says "mask ratio". The released code applies the ratio to the
+    sides, so 0.5 covers 25 % and 0.8 covers 64 % of the image. That is the default in both readings.
 
     >>> str(PartialObservation(ratio=0.8)), str(PartialObservation(ratio=0.8, fill="gray"))
     ('occlusion 0.8', 'occlusion 0.8 (fill=gray)')
@@ -106,7 +106,7 @@ def blurred(pixels: Pixels) -> Pixels:
 
 
 def _weighted(values: NDArray[np.unsignedinteger], kind: type[np.unsignedinteger]) -> NDArray[np.unsignedinteger]:
-    """Return the weighted sums along the first axis, of this type."""
+    """Return the sums along the first axis, weighted by `_TAPS`, as numbers of the type `kind`."""
     import numpy as np
 
     reach, count = len(_TAPS) - 1, len(values)
@@ -119,7 +119,7 @@ def _weighted(values: NDArray[np.unsignedinteger], kind: type[np.unsignedinteger
 
 
 def _mirrored(count: int, reach: int) -> NDArray[np.int64]:
-    """Return the indices of a line with `reach` more at both ends, mirrored without repeating the edge."""
+    """Return the indices of `count` places plus `reach` at both ends, mirrored without repeating the edge."""
     import numpy as np
 
     places = np.arange(-reach, count + reach)

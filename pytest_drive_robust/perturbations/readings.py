@@ -1,7 +1,8 @@
 """Readings: the two ways in which the failures of Bench2Drive-Robust can be read, as presets of their switches.
 
-The paper states equations; its numbers were produced by a wrapper that does something else in places. `paper` is the
-first and the default, `released` the second. A reading sets the switches that nobody said, fields of the failure:
+The paper states equations, but a wrapper that differs from these equations in places produced its numbers. `paper`, the
+default, follows the equations, `released` the wrapper. Switches are fields of a failure; a reading sets every switch
+that the caller did not give:
 
 =================== ================================================== ==============================================
 failure             `paper`                                            `released`
@@ -21,15 +22,15 @@ sensor delay        not in the paper's text, the same in both
 frame blend         not in the paper's text, the same in both
 =================== ================================================== ==============================================
 
-What no switch tells apart is done in one way under either reading; each class says in which. One observation a tick
-(the released wrapper perturbs twice). Draws keyed by route and seed (its are not). A mask that is drawn on top of a
-frozen image (it freezes the masked one). A clean baseline with the warm-up of the setting (its has none, so that the
-warm-up counts as degradation). A black mask (its code blurs unless it is told `occlusion`, which is what the rows of
-the paper's table are called).
+Where the paper and the released code differ without a switch, both readings do the same, as each class says. Each tick
+has one observation (the released wrapper perturbs twice). Draws are keyed by route and seed (in the released code they
+are not). A mask is drawn on top of a frozen image (the released code freezes the masked image). The clean baseline has
+the warm-up of the setting (the released baseline has none, so that the warm-up counts as degradation). A mask is black
+(the released code blurs unless told `occlusion`, the name of the rows in the paper's table).
 
-A reading is asked for by the brackets of a sentence, `"200 ms latency (reading=released)"`, by the marker
-`drive_robust(reading="released")`, or by `--drive-reading`; who is nearest to the failure wins. A switch that was said
-and that the reading has otherwise is refused. In a sentence `reading=released` stands for the switches that it sets.
+Ask for a reading in the brackets of a sentence, `"200 ms latency (reading=released)"`, by the marker
+`drive_robust(reading="released")`, or by `--drive-reading`; the place nearest to the failure wins. A switch that is
+given with another value than the reading has is refused. In a sentence `reading=released` stands for its switches.
 """
 
 from __future__ import annotations
@@ -44,9 +45,9 @@ READINGS = ("paper", "released")
 
 @dataclass(frozen=True, slots=True)
 class DriveReading:
-    """A reading that somebody asked for. `asked` says where, as a message quotes it: `"--drive-reading released"`.
+    """A reading that the user asked for. `asked` tells where, as messages quote it: `"--drive-reading released"`.
 
-    Raises `UnknownNameError` for a name that is none of `READINGS`.
+    Raises `UnknownNameError` for a name that is not in `READINGS`.
     """
 
     name: str

@@ -19,11 +19,10 @@ class SensorDelay(Perturbation):
     """A slow bus or image encoder: the agent sees the world as it was some time ago.
 
     Formula: cameras deliver what was captured `floor(camera_ms / 1000 / dt)` ticks ago; GPS, compass, IMU and speed
-    what was captured `floor(ego_ms / 1000 / dt)` ticks ago. As long as an episode is younger than that, its oldest
+    what was captured `floor(ego_ms / 1000 / dt)` ticks ago. While an episode is shorter than the delay, its oldest
     capture is delivered. Every signal keeps the tick of its capture; ground truth is not delayed.
 
-    Severities: milliseconds, 0 or more; `ego_ms` None means the same as the cameras. A delay above 0 must last at
-    least one tick.
+    Severities: milliseconds, 0 or more; `ego_ms` None means `camera_ms`. A delay above 0 must last at least one tick.
 
     Source: the released code's `SENSOR_DELAY_CAM` and `SENSOR_DELAY_EGO` (in ticks); one of the paper's figures names
     it, none of its results use it.
@@ -81,14 +80,14 @@ class SensorDelay(Perturbation):
         return f"a delay of {longest_ms:g} ms is {whole_ticks(longest_ms / 1000.0, dt_s)} ticks at {1.0 / dt_s:g} Hz"
 
     def _kept(self, observation: Observation) -> Observation:
-        """Return what may be delivered later: own copies of the images, because the simulator may reuse its pixels."""
+        """Return the observation to deliver later: images are copied, because the simulator may reuse its pixels."""
         if self._camera_ticks == 0:
             return replace(observation, cameras={}, truth=None)
         own = {name: Image(image.pixels.copy(), image.tick).read_only() for name, image in observation.cameras.items()}
         return replace(observation, cameras=own, truth=None)
 
     def _captured(self, tick: int) -> Observation:
-        """Return the newest capture that is not younger than `tick` allows, or the oldest that there is."""
+        """Return the newest capture at or before `tick`, or the oldest capture when there is none."""
         found = self._captures[0]
         for capture in self._captures:
             if capture.tick > tick:

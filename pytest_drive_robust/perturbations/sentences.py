@@ -1,7 +1,7 @@
 """Perturbations as sentences and back: `InferenceLatency(ms=200)` is `"200 ms latency"`.
 
-Built from the `phrase` of each class, so that a user's own perturbation has a sentence form as well. A class says its
-sentence in class attributes (see `Perturbation`), so nothing here knows a perturbation by name.
+Sentences are built from the `phrase` of each class, so that a user's own perturbation has a sentence form as well. A
+class declares its sentence in class attributes (see `Perturbation`), so this module knows no perturbation by name.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ CLEAN = "clean"
 """The sentence of the empty stack."""
 
 _READING = "reading"
-"""What brackets may hold beside the fields of a class; a class with a field of that name keeps it."""
+"""The name that brackets may hold beside the fields of a class, unless the class has a field of this name."""
 
 _NUMBER = r"[-+]?(?:(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|inf|nan)"
 _BRACKETS = r'(?:"(?:[^"\\]|\\.)*"|[^"()])*'
 _VALUE = r'"(?:[^"\\]|\\.)*"|[^\s()",=]+'
 _ENDS_A_SETTING = re.compile(r"[#≤≥]|<=|>=")
-"""In the sentence of a requirement, as the end of its line does."""
+"""Marks that end a setting in the sentence of a requirement, as the end of the line does."""
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _WORD = re.compile(r"[A-Za-z_][\w.+-]*", re.ASCII)
 _CONSTANTS = {"true": True, "false": False, "none": None}
@@ -39,7 +39,7 @@ _RESERVED = {*_CONSTANTS, "nan", "inf", "infinity"}
 
 
 class Spoken(Protocol):
-    """A dataclass with a sentence form: what of a perturbation matters here."""
+    """A dataclass with a sentence form: the part of a perturbation that this module needs."""
 
     phrase: ClassVar[str]
     variants: ClassVar[Mapping[str, Mapping[str, object]]]
@@ -50,7 +50,7 @@ class Spoken(Protocol):
         """Return the severities by name."""
 
     def read_as(self, reading: DriveReading) -> Self:
-        """Return the same with the switches of a reading."""
+        """Return the perturbation with the switches of a reading."""
 
 
 _S = TypeVar("_S", bound=Spoken)
@@ -58,7 +58,7 @@ _S = TypeVar("_S", bound=Spoken)
 
 @dataclasses.dataclass(frozen=True)
 class Template(Generic[_S]):
-    """One sentence form of `cls`: `text` with its fields in braces, and the fields that it implies (`fixed`)."""
+    """One sentence form of `cls`: `text` with fields in braces, and the fields that the form implies (`fixed`)."""
 
     cls: type[_S]
     text: str
@@ -70,7 +70,7 @@ class Template(Generic[_S]):
         return tuple(name for _, name, _, _ in string.Formatter().parse(self.text) if name is not None)
 
     def fits(self, parameters: Mapping[str, object]) -> bool:
-        """Return True when the parameters have all that the form implies."""
+        """Return True when the parameters have every value in `fixed`."""
         return all(name in parameters and parameters[name] == value for name, value in self.fixed.items())
 
     def fill(self, parameters: Mapping[str, object]) -> str:
@@ -84,7 +84,7 @@ class Template(Generic[_S]):
         return self.text.format(**{name: render_value(parameters[name]) for name in self.shown})
 
     def pattern(self) -> re.Pattern[str]:
-        """Match the filled sentence, in any case and spacing, with or without brackets (group `brackets`)."""
+        """Return the pattern of the filled sentence, any case and spacing, with or without brackets (`_brackets`)."""
         usual = {**_defaults(self.cls), **self.cls.example}
         parts: list[str] = []
         for literal, name, _, _ in string.Formatter().parse(self.text):
@@ -145,7 +145,7 @@ def kebab_name(cls: type) -> str:
 
 
 def preset(cls: type[Spoken], reading: str, parameters: Mapping[str, object]) -> dict[str, object]:
-    """Return the switches that a reading sets in a failure with these parameters: none that its sentence form implies.
+    """Return the switches that a reading sets in a failure with these parameters, but those its sentence implies.
 
     >>> from pytest_drive_robust.perturbations import InferenceLatency
     >>> late, measured = InferenceLatency(ms=200), InferenceLatency(mode="measured")
@@ -159,16 +159,16 @@ def preset(cls: type[Spoken], reading: str, parameters: Mapping[str, object]) ->
 
 
 def render(perturbation: Spoken) -> str:
-    """Return the sentence; fields that it does not show follow in brackets when they are not the default."""
+    """Return the sentence; fields that the sentence does not show follow in brackets where they are not the default."""
     parameters = perturbation.parameters()
     sentence, hidden = _form_of(type(perturbation), parameters).fill(parameters), brackets(perturbation)
     return f"{sentence} ({hidden})" if hidden else sentence
 
 
 def brackets(perturbation: Spoken) -> str:
-    """Return what follows the sentence form in brackets: the fields that it does not show and that are unusual.
+    """Return the text in the brackets: fields that the sentence form does not show and that are not the default.
 
-    The switches of a reading that is not the default are shown as that reading.
+    Switches that are together those of a reading are shown as `reading=released`.
     """
     cls, parameters = type(perturbation), perturbation.parameters()
     template, defaults = _form_of(cls, parameters), _defaults(cls)
@@ -189,10 +189,10 @@ def brackets(perturbation: Spoken) -> str:
 
 
 def parse(text: str, known: Iterable[type[_S]]) -> _S:
-    """Read what `render` writes, over the classes `known`. Case and spacing do not matter; `"200ms latency"` is fine.
+    """Parse a sentence that `render` writes, of one of the classes `known`.
 
-    Raises `RequirementError` with the nearest valid sentence, and `PerturbationError` when the sentence is right but
-    its severity is not.
+    Case and spacing do not matter; `"200ms latency"` is fine. Raises `RequirementError` with the nearest valid
+    sentence, and `PerturbationError` when the sentence is right but its severity is not.
     """
     classes = list(known)
     found = _match(text, classes)
@@ -224,7 +224,7 @@ def parse_stack(text: str, known: Iterable[type[_S]]) -> tuple[_S, ...]:
 
 
 def _sentences(text: str, classes: Sequence[type[Spoken]]) -> list[str]:
-    """Cut at "and". A sentence of a user's class may hold an "and" itself, so the longest that matches is taken."""
+    """Cut at "and". A sentence of a user's class may itself hold an "and", so the longest match is taken."""
     words = split_outside_quotes(text, r"\s+and\s+")
     sentences: list[str] = []
     start = 0
@@ -250,7 +250,7 @@ def _match(text: str, known: Iterable[type[_S]]) -> tuple[Template[_S], re.Match
 
 
 def _bracketed(text: str, brackets: str | None, cls: type, taken: Mapping[str, object]) -> Iterable[tuple[str, str]]:
-    """Return the `name=value` pairs within the brackets, names checked."""
+    """Yield the `name=value` pairs within the brackets. Raises `RequirementError` for a wrong or repeated name."""
     if brackets is None:
         return
     open_fields = [name for name in dict.fromkeys((*_names(cls), _READING)) if name not in taken]
@@ -314,7 +314,7 @@ def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:
 
 
 def _example(form: Template[_S], numbers: list[float]) -> str | None:
-    """Return a valid sentence of the form, with the given numbers as far as they are possible."""
+    """Return a valid sentence of the form, with the given numbers where these are possible; None when there is none."""
     usual = {**form.cls.example, **form.fixed}
     given = {name: _in_unit(name, number) for name, number in zip(form.shown, numbers)}  # noqa: B905
     for values in ({**usual, **given}, usual):
@@ -361,7 +361,7 @@ def render_value(value: object) -> str:
 
 
 def parse_value(text: str) -> object:
-    """Return the inverse of `render_value`, by the looks of the text; what looks like nothing else is a string."""
+    """Return the value of a text, the inverse of `render_value`; a text of no other form is a string."""
     parts = split_outside_quotes(text, "/")
     if len(parts) > 1:
         return tuple(parse_value(part) for part in parts if part)
@@ -374,7 +374,7 @@ def parse_value(text: str) -> object:
 
 
 def split_outside_quotes(text: str, separator: str) -> list[str]:
-    """Split as `re.split(separator, text)` does, ignoring case and not inside of JSON strings."""
+    """Split as `re.split(separator, text)` does, in any case, but not inside of JSON strings."""
     masked = _QUOTED.sub(lambda quoted: "\0" * len(quoted.group()), text)
     parts, start = [], 0
     for found in re.finditer(separator, masked, re.IGNORECASE):

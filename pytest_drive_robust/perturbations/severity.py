@@ -1,4 +1,4 @@
-"""Checks of severities: what no sensor and no computer can have is refused when the perturbation is built."""
+"""Checks of severities: a severity that no sensor or computer can have is refused when the perturbation is built."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def whole_ticks(duration_s: float, dt_s: float) -> int:
 
 
 def delay_ticks(owner: object, name: str, duration_s: float, dt_s: float) -> int:
-    """Count whole ticks, but refuse a duration between 0 and one tick: it would do nothing under another name."""
+    """Count whole ticks. Raises `PerturbationError` for a duration between 0 and one tick, which would do nothing."""
     ticks = whole_ticks(duration_s, dt_s)
     if ticks == 0 and duration_s > 0.0:
         rate = f"{1000.0 * duration_s:g} ms is 0 ticks at {1.0 / dt_s:g} Hz"
@@ -87,7 +87,7 @@ def refusal(owner: object, name: str, expected: str) -> PerturbationError:
 
 
 def _is_number(value: object) -> bool:
-    """Return whether this is a number that a float can be: a whole one may have more digits."""
+    """Return True for a real number that fits into a float: a whole number may be too large."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
     try:

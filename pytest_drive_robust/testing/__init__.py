@@ -1,4 +1,4 @@
-"""For people who write agents, perturbations or simulators: a tiny world, scripted agents, and contract checks.
+"""Tools for authors of agents, perturbations or simulators: a tiny world, scripted agents, and contract checks.
 
 ::
 

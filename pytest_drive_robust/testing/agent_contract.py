@@ -56,23 +56,23 @@ def check_agent(
     act_timeout_s: float | None = None,
     told: Callable[[Check], object] = lambda check: None,
 ) -> ContractReport:
-    """Drive a few episodes and tell which promises of the contract hold.
+    """Drive a few episodes and report which promises of the contract hold.
 
     `agent_factory` makes a new agent on every call. Without `simulator` and `route`, the agent drives 120 ticks of
-    `FakeSimulator`; give your own for an agent that needs a real scene. `other_route` is what the agent drives in
-    between when we look whether `reset` forgets (the same route with another seed when it is left out). `told` is
-    given each check as soon as it is known. A call of the agent may take `act_timeout_s` seconds; as that takes
-    signals, it is for the main thread, and not for Windows. Libraries compute on one thread meanwhile, as in a run.
-    Nothing is raised for what the agent does.
+    `FakeSimulator`; give your own for an agent that needs a real scene. The check of `reset` first drives `other_route`
+    with another seed (default: `route`, or a second fake route). `told` is called with each check as soon as its result
+    is known. A call of the agent may take `act_timeout_s` seconds; this limit needs signals, so it works in the main
+    thread only, and not on Windows. Libraries compute on one thread meanwhile, as in a run. Errors of the agent are
+    reported, not raised.
     """
     world = simulator or FakeSimulator(SimulatorOptions(tick_cap=_EPISODE_TICKS))
     name = subject or getattr(agent_factory, "__name__", type(agent_factory).__name__)
     other = other_route or route or fake_route("2", length_m=_OTHER_LENGTH_M)
     trial = _Trial(agent_factory, world, route or fake_route(), other, seed, act_timeout_s)
     checks = []
-    with OneThread() as one_thread:  # as in a run: sums over several differ in the last bits
+    with OneThread() as one_thread:  # as in a run: sums over several threads differ in the last bits
         for check in trial.checks():
-            one_thread.limit()  # the first one loads what the agent imports
+            one_thread.limit()  # also libraries that the first check loads with the agent
             told(check)
             checks.append(check)
     return ContractReport(name, tuple(checks))
@@ -80,7 +80,7 @@ def check_agent(
 
 @dataclass
 class _Trial:
-    """The checks share one recorded episode, which everything else is compared with."""
+    """The checks of one agent. They share one recorded episode, with which later episodes are compared."""
 
     factory: Callable[[], Agent]
     simulator: Simulator
@@ -90,13 +90,13 @@ class _Trial:
     act_timeout_s: float | None
 
     def make(self) -> Agent:
-        """Return a new agent, whose constructor draws the same every time, as in a run."""
+        """Return a new agent. Its constructor draws the same random numbers every time, as in a run."""
         with borrowed_generators("check_agent"):
             agent = self.factory()
         return agent if self.act_timeout_s is None else with_time_limit(agent, self.act_timeout_s)
 
     def checks(self) -> Iterator[Check]:
-        """Return every check in order; those that need a contract already broken are left out."""
+        """Yield every check in order; leave out checks that need a promise that is already broken."""
         for first in (self.methods, self.declarations, self.controls):
             yield (check := self.attempt(first))
             if not check.ok:
@@ -106,12 +106,12 @@ class _Trial:
         yield (same := self.attempt(self.determinism))
         self.repeats = same.ok
         compared = (self.reset, self.isolation, self.consumes, self.privileged)
-        # what never drives the same twice differs from itself in all that is compared: one fault, told once
+        # an agent that never drives the same twice would fail every comparison: report this fault once
         for promise in (*compared, self.plan, self.lockstep) if same.ok else (self.plan,):
             yield self.attempt(promise)
 
     def attempt(self, promise: Callable[[], Check]) -> Check:
-        """Return the check of one promise: a broken one does not hide the next one."""
+        """Return the check of one promise. An exception of the agent fails this check and does not end the others."""
         try:
             return attempt("the agent", promise)
         except AgentError as error:  # it says whose call it was
@@ -133,7 +133,7 @@ class _Trial:
         return Check("methods", True, "sensors, reset and act are there.")
 
     def declarations(self) -> Check:
-        """Check that `consumes` holds names of signals, `privileged` is a bool, and what decides keys can be known."""
+        """Check `consumes` (names of signals), `privileged` (a bool), and that keys can have all other declarations."""
         agent = self.make()
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
@@ -144,7 +144,7 @@ class _Trial:
         unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
         if unknown:
             return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
-        # a lambda around the class says nothing, as it is no part of a run
+        # a lambda around the class is only part of this check, so declarations of the class count as well
         late = sorted({*undeclared(agent, self.factory)} & {*undeclared(agent, type(agent))})
         if late:
             told = f"{' and '.join(late)} of the object are not those of the class or factory: no key has them."
@@ -157,14 +157,14 @@ class _Trial:
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
 
     def controls(self) -> Check:
-        """Drive and record an episode: no exception, NaN, wrong type, value out of range or impossible camera."""
+        """Check a recorded episode: no exception, NaN, wrong type, value out of range or impossible camera."""
         self.record, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
             return _broken("controls", "", result)
         return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
 
     def time(self) -> Check:
-        """Tell how long `act` takes; judge it only where no run could end."""
+        """Report how long `act` takes; fail only if an episode would take hours."""
         acts_s = self.record.acts_s
         mean_s, worst_s = sum(acts_s) / len(acts_s), max(acts_s)
         sentence = f"act takes {1000.0 * mean_s:.3f} ms on average, {1000.0 * worst_s:.3f} ms at most."
@@ -186,7 +186,7 @@ class _Trial:
         return Check("determinism", True, f"two agents with seed {self.seed} drive the same.")
 
     def reset(self) -> Check:
-        """Check that one object that has driven other episodes drives this one like a new object, and so once more."""
+        """Check that an agent object drives like a new one after another episode, and again after the same episode."""
         agent = self.make()
         _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
         if result.outcome in _BROKEN:
@@ -203,7 +203,7 @@ class _Trial:
         return Check("reset", True, "after other episodes and reset, the agent drives like a new one.")
 
     def isolation(self) -> Check:
-        """Check that the controls from a script see the same world: nothing that the agent writes to reaches it."""
+        """Check that the recorded controls, replayed, lead to the same observations: the agent changed nothing else."""
         script = ScriptedAgent(self.record.controls, cameras=self.record.sensors())
         replayed, _ = self.drive(script, self.seed)
         tick = first_difference_seen(self.record.observations, replayed.observations)
@@ -227,7 +227,7 @@ class _Trial:
         return Check("consumes", True, f"{', '.join(undeclared)} {reach} no control, as declared.")
 
     def privileged(self) -> Check:
-        """Check that ground truth changes the controls of those that ask for it, and of nobody else."""
+        """Check that ground truth changes the controls of a privileged agent, and of no other agent."""
         if not getattr(self.make(), "privileged", False):
             with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
             if first_difference(self.feed(lambda observation: observation), with_truth) is not None:
@@ -271,7 +271,7 @@ class _Trial:
         return Check("plan", True, f"plan gives {count} points.")
 
     def lockstep(self) -> Check:
-        """Check that `act_batch`, where there is one, is `act` for many, and no row depends on its company."""
+        """Check that `act_batch`, where there is one, agrees with `act`, and no control depends on other agents."""
         agents = [self.make() for _ in range(_LOCKSTEP_ROWS)]
         if not offers_lockstep(agents[0]):
             return Check("lockstep", True, "there is no act_batch(), and none is needed.")
@@ -297,7 +297,7 @@ class _Trial:
         return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
 
     def feed_asking_for_plans(self) -> list[Control]:
-        """Return a new agent's controls for the recorded observations, where it is asked for its plan after each."""
+        """Return a new agent's controls for the recorded observations, with a call of `plan` after each control."""
         assert self.record.plan is not None  # the recorded episode began with reset
         agent = self.make()
         agent_reset(agent, self.record.plan, self.seed)

@@ -1,4 +1,4 @@
-"""Agents for tests: one that drives by a script, one that records another agent."""
+"""Agents for tests: `ScriptedAgent` drives by a script, `RecordingAgent` records another agent."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class ScriptedAgent:
 class RecordingAgent:
     """Passes every call on to `agent` and keeps what went in and out since the last `reset`.
 
-    `observations` are private copies made before the agent could write to its own; `controls` are what it returned,
-    `acts_s` the wall seconds that each took.
+    `observations` are private copies, made before the agent can write to the originals. `controls` are the results of
+    `act`, `acts_s` the wall seconds of each call.
     """
 
     def __init__(self, agent: Agent) -> None:
@@ -81,7 +81,7 @@ class RecordingAgent:
         self.agent.reset(route, seed)
 
     def act(self, observation: Observation) -> Control:
-        """Record and pass on."""
+        """Return the recorded agent's control; record the observation, the control and the wall time."""
         self.observations.append(observation.private())
         started_s = time.perf_counter()
         control = self.agent.act(observation)

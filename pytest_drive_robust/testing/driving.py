@@ -20,7 +20,7 @@ from pytest_drive_robust.testing.agents import RecordingAgent
 def drive(
     agent: Agent, simulator: Simulator, *, route: Route, seed: int, setting: Setting | None = None
 ) -> tuple[RecordingAgent, EpisodeResult]:
-    """Return one whole episode, recorded."""
+    """Drive one whole episode; return the recording and the result. `setting` defaults to clean."""
     recorder = RecordingAgent(agent)
     result = drive_episode(
         simulator, recorder, route=route, setting=setting or Setting.CLEAN, seed=seed, agent_name="under test"
@@ -38,7 +38,7 @@ def feed(
 ) -> list[Control]:
     """Return the controls of `agent` for observations of another episode, each changed by `change`.
 
-    Raises `AgentError`.
+    Raises `AgentError` when the agent breaks its contract.
     """
     agent_reset(agent, plan, seed)
     return [agent_act(agent, change(observation.private())) for observation in observations]
@@ -53,7 +53,7 @@ def first_difference(one: Sequence[object], other: Sequence[object]) -> int | No
 
 
 def first_difference_seen(one: Iterable[Observation], other: Iterable[Observation]) -> int | None:
-    """Return the first index at which two drives saw something different, or None when they saw the same."""
+    """Return the first index at which the observations of two drives differ, or None when all are equal."""
     return first_difference([*map(observation_digest, one)], [*map(observation_digest, other)])
 
 

@@ -41,12 +41,13 @@ def fake_route(route_id: str = "1", *, length_m: float = 60.0) -> Route:
 
 @dataclass
 class FakeSimulator:
-    """A straight road along x, a parked car whose place is drawn by the seed, and an ego with four lines of physics.
+    """A straight road along x, a parked car at a place drawn by route id and seed, and an ego with simple physics.
 
-    It can be told to fail: `raises` comes out of the method named `raises_in` (`"reset"`, `"observe"`, `"step"`,
-    `"score"`) in tick `raises_at`; `ends` ends the episode in tick `ends_at`; `infractions` are reported as they are.
-    An episode is `COMPLETED` at the end of the route's last waypoint, `DEVIATED` 10 m beside the road, `TICK_CAP` and
-    `STUCK` by its options. Pixels live in one buffer per camera that is overwritten, as the protocol allows.
+    Tests can make the simulator fail: the method `raises_in` (`"reset"`, `"observe"`, `"step"`, `"score"`) raises
+    `raises` from tick `raises_at` on; the episode ends with `ends` in tick `ends_at`; `score` reports `infractions` as
+    given. An episode ends as `COMPLETED` at the route's last waypoint, as `DEVIATED` more than 10 m beside the middle
+    of the road, and as `TICK_CAP` or `STUCK` by `options`. Each camera has one buffer of pixels, which is overwritten,
+    as the protocol allows.
     """
 
     options: SimulatorOptions = field(default_factory=SimulatorOptions)
@@ -62,7 +63,7 @@ class FakeSimulator:
     dt_s: float = field(default=0.05, init=False)
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
-        """Put the ego at the origin; the length is the distance between the first and the last waypoint."""
+        """Put the ego at the origin; the route is as long as the way from its first to its last waypoint."""
         self._tick = 0
         self._maybe_raise("reset")
         first, last = route.waypoints[0], route.waypoints[-1]
@@ -84,9 +85,9 @@ class FakeSimulator:
         return GlobalPlan(tuple(PlanPoint(x_m, 0.0, RoadOption.LANE_FOLLOW) for x_m in stops_m))
 
     def observe(self) -> Observation:
-        """Return noise-free sensors.
+        """Return the signals without noise.
 
-        Red of each image is the ego's x, green the distance to the parked car, blue the row.
+        In each image red shows the ego's x, green the distance to the parked car, blue the row.
         """
         self._maybe_raise("observe")
         ego, tick = self._ego, self._tick
@@ -110,7 +111,7 @@ class FakeSimulator:
         return GroundTruth(self._state(), _lane_map(x_m), rows, min(int(self.progress_m), len(x_m) - 1))
 
     def step(self, control: Control) -> WorldState:
-        """Advance: throttle up to 3 m/s2, brake up to 8 m/s2, rolling 0.05 m/s2 per m/s; never backwards."""
+        """Advance one tick: throttle up to 3 m/s2, brake up to 8 m/s2, rolling 0.05 m/s2 per m/s; never backwards."""
         self._maybe_raise("step")
         ego, dt = self._ego, self.dt_s
         wanted = ego.speed_mps + dt * (3.0 * control.throttle - 8.0 * control.brake - 0.05 * ego.speed_mps)
@@ -133,7 +134,7 @@ class FakeSimulator:
 
     @property
     def done(self) -> End | None:
-        """The told end first, then what the road says, then the clocks."""
+        """The end of the episode or None: `ends` first, then an end by the ego's place, then `STUCK` and `TICK_CAP`."""
         if self.ends is not None and self._tick >= self.ends_at:
             return self.ends
         if self._ego.x_m >= self._length_m:
@@ -146,11 +147,11 @@ class FakeSimulator:
 
     @property
     def progress_m(self) -> float:
-        """The furthest is the nearest here: x, within the route."""
+        """Progress along the route in metres: the ego's x, limited to the route."""
         return min(max(self._ego.x_m, 0.0), self._length_m)
 
     def score(self) -> EpisodeScore:
-        """Return the share of the road, and the infractions as told."""
+        """Return the score: the driven share of the route, and `infractions` as given."""
         self._maybe_raise("score")
         end = self.done or End.TICK_CAP
         return EpisodeScore(

@@ -36,7 +36,7 @@ _CAMERAS = (CameraSpec("front", width_px=32, height_px=18), CameraSpec("rear", w
 
 
 def check_perturbation(perturbation: Perturbation, *, seed: int = 0) -> ContractReport:
-    """Run 80 ticks of a recorded drive through the perturbation and tell which promises hold. Raises nothing."""
+    """Run 80 ticks of a recorded drive through the perturbation and report which promises hold. Raises nothing."""
     return ContractReport(type(perturbation).__name__, tuple(_checks(perturbation, seed)))
 
 
@@ -111,7 +111,7 @@ def _sentence(perturbation: Perturbation) -> Check:
 
 
 def _clean_drive(seed: int) -> list[Observation]:
-    """Return what the sensors of a slowly weaving ego give, in arrays of its own."""
+    """Return the observations of a slowly weaving ego, `_TICKS` of them, each with arrays of its own."""
     simulator = FakeSimulator()
     simulator.reset(fake_route(), seed=seed, cameras=_CAMERAS)
     observations = []
@@ -128,7 +128,7 @@ def _wanted(tick: int) -> Control:
 
 @dataclass
 class _Drive:
-    """What came out of both seams for a recorded drive, tick by tick, and what was injected."""
+    """The results of both seams for a recorded drive, tick by tick, and the schedule of the perturbation."""
 
     seen: list[Observation] = field(default_factory=list)
     wanted: list[object] = field(default_factory=list)
@@ -142,14 +142,14 @@ def _episode(
 ) -> _Drive:
     """Return the recorded drive under the perturbation.
 
-    The agent is asked in every tick that is a multiple of `every`, where the perturbation lets it be asked, and takes
-    `act_s` seconds for its answer.
+    The agent runs in every tick that is a multiple of `every`, unless the perturbation keeps the agent's computer busy,
+    and needs `act_s` seconds for each control.
     """
     own = copy.deepcopy(perturbation)
     own.reset(EpisodeContext("1", seed, _DT_S, _CAMERAS, kebab_name(type(own))))
     done, last = _Drive(), Control.NEUTRAL
     for tick, observation in enumerate(clean):
-        done.seen.append(own.observe(observation))  # no stack, which raises for what is checked here
+        done.seen.append(own.observe(observation))  # no `RunningStack`, which would raise for what is checked here
         done.wanted.append(own.wants_inference(tick))
         asked = bool(done.wanted[-1]) and tick % every == 0
         given = own.actuate(tick, _wanted(tick) if asked else None, act_s if asked else 0.0)
@@ -222,7 +222,7 @@ def _controls(applied: list[Control], answered: list[Control | None]) -> Check:
         problem = control.problem() if isinstance(control, Control) else f"{control!r} is not a Control"
         if problem is not None:
             return Check("controls", False, f"tick {tick}: {problem}.")
-    if answered and not any(answered):  # at work that is a link which drops every command
+    if answered and not any(answered):  # in a run this is a link that drops every command
         told = f"actuate gave None in all {len(answered)} ticks in which it got a control"
         return Check("controls", False, f"{told}: is there a return in every branch?")
     return Check("controls", True, "every control is within its ranges.")
@@ -243,6 +243,6 @@ def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int
 
 
 def _first_difference(one: _Drive, other: _Drive) -> int | None:
-    """Return the first tick in which the agent saw or the vehicle got something else, or None."""
+    """Return the first tick in which the observations differ, else in which the controls differ, or None."""
     tick = first_difference_seen(one.seen, other.seen)
     return first_difference(one.applied, other.applied) if tick is None else tick

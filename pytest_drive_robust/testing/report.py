@@ -1,4 +1,4 @@
-"""What a contract check found: one line for each promise."""
+"""The report of a contract check: one line for each promise."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One promise. `sentence` says what was seen, and when it failed, what to do.
+    """The result for one promise. `sentence` says what was found, and for a failed check, what to do.
 
-    `of_simulator`: it failed as the simulator broke, whose fault is not the subject's.
+    `of_simulator`: the check failed because the simulator broke, which is not the subject's fault.
     """
 
     name: str
@@ -28,9 +28,9 @@ class Check:
 
 @dataclass(frozen=True, slots=True)
 class ContractReport:
-    """All promises of one subject, in the order in which they were tried; those that need a broken one are left out.
+    """All checks of one subject, in the order of their runs; checks that need a broken promise are left out.
 
-    `bool(report)` is `report.ok`; iterate over the checks, or take one by its name: `report["controls"]`.
+    `bool(report)` is `report.ok`. Iterate over the checks, or take a check by its name: `report["controls"]`.
     """
 
     subject: str
@@ -38,7 +38,7 @@ class ContractReport:
 
     @property
     def ok(self) -> bool:
-        """True when something was checked and nothing failed."""
+        """True when there is at least one check and no check failed."""
         return bool(self.checks) and all(check.ok for check in self.checks)
 
     def __bool__(self) -> bool:
@@ -48,7 +48,7 @@ class ContractReport:
         return iter(self.checks)
 
     def __getitem__(self, name: str) -> Check:
-        """Return the check of that name. Raises `UnknownNameError` for one that was left out or does not exist."""
+        """Return the check called `name`. Raises `UnknownNameError` for a check that was left out or does not exist."""
         found = {check.name: check for check in self.checks}
         if name not in found:
             raise UnknownNameError.of("check in this report", name, found)
@@ -68,7 +68,7 @@ class ContractReport:
 
 
 def attempt(whose: str, check: Callable[..., Check], *arguments: object) -> Check:
-    """Return what `check` finds. Where the code of `whose` raises, return a failed check that says what it raised."""
+    """Return the result of `check`. If the code of `whose` raises, return a failed check that names the error."""
     try:
         return check(*arguments)
     except BLAMED as error:

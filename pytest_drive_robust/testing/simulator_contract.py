@@ -30,7 +30,7 @@ _BRAKED_S = 10.0
 """Long enough for an ego that a world starts at speed to stop, and to stand for `_STUCK_S`."""
 _STUCK_S = 1.0
 _STILL_MPS = 0.01
-"""Whatever a world calls standing, this is."""
+"""An ego below this speed stands, whatever limit the simulator itself uses."""
 _Driven = tuple[RecordingAgent, EpisodeResult]
 _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 10 + [Control(brake=0.2)] * 20
 
@@ -38,7 +38,7 @@ _SCRIPT = [Control(throttle=0.6)] * 30 + [Control(throttle=0.3, steer=0.05)] * 1
 def check_simulator(
     factory: Callable[[SimulatorOptions], Simulator], *, route: Route | None = None, seed: int = 0
 ) -> ContractReport:
-    """Drive six episodes of 60 ticks, one to a standstill, and tell which promises of the protocol hold.
+    """Drive six episodes of 60 ticks and one to a standstill, and report which promises of the protocol hold.
 
     Raises nothing.
     """
@@ -76,7 +76,7 @@ def _checks(factory: Callable[[SimulatorOptions], Simulator], route: Route, seed
 def _repeated(
     simulator: Simulator, factory: Callable[[SimulatorOptions], Simulator], route: Route, seed: int, first: _Driven
 ) -> Iterator[Check]:
-    """Drive the first episode again. A fault that would show in all later drives is told once."""
+    """Drive the first episode again; stop at a fault that would show in all later drives."""
     yield (same := attempt(_OURS, _determinism, factory, route, seed, first))
     if not same.ok:
         return
@@ -87,7 +87,7 @@ def _repeated(
 
 
 def _cameras(dt_s: float) -> tuple[CameraSpec, CameraSpec]:
-    """Return a camera of every tick and one of every other, whatever the rate of the world."""
+    """Return two cameras: one captures in every tick, the other in every second tick, whatever the tick rate."""
     return (
         CameraSpec("front", width_px=32, height_px=18, rate_hz=1.0 / float(dt_s)),
         CameraSpec("rear", width_px=24, height_px=16, rate_hz=0.5 / float(dt_s)),
@@ -95,7 +95,7 @@ def _cameras(dt_s: float) -> tuple[CameraSpec, CameraSpec]:
 
 
 def _scripted(simulator: Simulator, route: Route, seed: int) -> _Driven:
-    """Return the episode that the others are compared with."""
+    """Drive `_SCRIPT` on the route; return the recording and the result."""
     return drive(ScriptedAgent(_SCRIPT, cameras=_cameras(simulator.dt_s)), simulator, route=route, seed=seed)
 
 
@@ -125,7 +125,7 @@ def _end(simulator: Simulator, result: EpisodeResult) -> Check:
 
 
 def _two_ends(simulator: Simulator, result: EpisodeResult) -> str | None:
-    """Return in a sentence that the world ended otherwise than it is scored, or None."""
+    """Return a sentence if `done` and `score()` disagree about the end, or None."""
     done = simulator.done
     if done is result.end:
         return None
@@ -133,7 +133,7 @@ def _two_ends(simulator: Simulator, result: EpisodeResult) -> str | None:
 
 
 def _plan(plan: object) -> Check:
-    """Check what `Agent.reset` is given: the agent would be blamed for a plan that nobody can follow."""
+    """Check the plan that `Agent.reset` gets: the agent would be blamed for a plan that nobody can follow."""
     if not isinstance(plan, GlobalPlan):
         return Check("plan", False, f"plan gave {plan!r}, expected a GlobalPlan.")
     if not plan.points:
@@ -188,7 +188,7 @@ def _truth(simulator: Simulator, route: Route, seed: int) -> Check:
 
 
 def _states(simulator: Simulator, route: Route, seed: int) -> Check:
-    """Check that a state stays what it was: it is noted, drawn and judged after the step that follows it."""
+    """Check that later ticks do not change a state: a state is recorded, drawn and judged after the next step."""
     states = [simulator.reset(route, seed=seed, cameras=())]
     before = [(np.array(states[0].actors), np.array(states[0].lights))]
     for control in _SCRIPT:
@@ -290,7 +290,7 @@ def _reset(simulator: Simulator, route: Route, seed: int, first: _Driven) -> Che
 
 
 def _difference(first: _Driven, again: _Driven) -> str | None:
-    """Return in a clause in what another drive of the same episode differs, or None when it is the same to the bit."""
+    """Return in a clause how a second drive of the episode differs, or None when both are the same to the bit."""
     (record, result), (other_record, other) = first, again
     if other.outcome is Outcome.INFRA_ERROR:
         return f"breaks in tick {other.ticks}: {other.end_detail}"

@@ -12,8 +12,8 @@
         failure = drive.minimal(requirement("RD", setting) <= 0.50)
         assert failure is None, str(failure)
 
-What failed is kept in hypothesis's own example database (`.hypothesis/examples`) and tried first the next time: keep
-that folder between CI runs, or check in the test case that the failure prints. hypothesis must be installed.
+hypothesis keeps failed examples in its own database (`.hypothesis/examples`) and tries them first the next time: keep
+that folder between CI runs, or commit the test case that the failure prints. hypothesis must be installed.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ _TICK_S = 0.05
 
 
 def perturbations(kind: Kind, *, dt_s: float = _TICK_S) -> SearchStrategy[Perturbation]:
-    """Return one failure at any step of its ladder, shrinking to the mildest.
+    """Return a strategy for one failure at any step of its ladder, shrinking to the mildest step.
 
-    Give an object to keep its other severities. `dt_s` is the length of a tick in seconds, for failures that last whole
-    ticks. Raises `PerturbationError` for a class without a ladder.
+    `kind` is a class, or an object whose other severities are kept. `dt_s` is the length of a tick in seconds, for
+    failures that last whole ticks. Raises `PerturbationError` for a class without a ladder.
     """
     return _steps(ladder_of(kind, dt_s=dt_s))
 
@@ -50,7 +50,9 @@ def perturbations(kind: Kind, *, dt_s: float = _TICK_S) -> SearchStrategy[Pertur
 def settings(
     kinds: Iterable[Kind] = tuple(BUILTIN.values()), *, min_size: int = 1, max_size: int = 3, dt_s: float = _TICK_S
 ) -> SearchStrategy[Setting]:
-    """Draw stacks of `min_size` to `max_size` failures in the order of `kinds`, shrinking to fewer and milder.
+    """Return a strategy for stacks of `min_size` to `max_size` failures in the order of `kinds`.
+
+    Stacks shrink to fewer and milder failures.
 
     `min_size=0` gives the clean setting too. Raises `ValueError` for sizes that `kinds` cannot fill.
     """
@@ -65,8 +67,9 @@ def settings(
 def driving(max_examples: int = 10, *, shrink: bool = False, **others: Any) -> hypothesis.settings:
     """Return hypothesis settings for tests that drive: no deadline, the `drive` fixture allowed, few examples.
 
-    `shrink` lets hypothesis shrink too. It takes every verdict for certain, so leave that to `drive.minimal` unless the
-    verdict rule is `"point"` or `"list"`, which say the same about the same episodes. `others` are passed on.
+    `shrink` lets hypothesis shrink too. hypothesis takes every verdict as certain, so leave shrinking to
+    `drive.minimal`, unless the verdict rule is `"point"` or `"list"`, which give the same verdict on the same episodes.
+    `others` are passed on to `hypothesis.settings`.
     """
     phases = [hypothesis.Phase.explicit, hypothesis.Phase.reuse, hypothesis.Phase.generate]
     if shrink:

@@ -1,6 +1,6 @@
-"""Ends calls of an agent that take too long, as far as signals reach: in the main thread, and not on Windows.
+"""Ends calls of an agent that take too long, by signals: only in the main thread, and not on Windows.
 
-There is one timer for all: that of a call around this one, or of pytest-timeout, goes on afterwards.
+A process has one timer: the timer of an outer call, or of pytest-timeout, goes on afterwards.
 """
 
 from __future__ import annotations
@@ -16,20 +16,20 @@ from typing import Any, TypeVar
 _A = TypeVar("_A")
 _CALLS = ("sensors", "reset", "act", "act_batch", "plan")
 _AGAIN_S = 1.0
-"""Code that catches everything is interrupted once more."""
+"""Seconds until the next interrupt, for code that catches every exception."""
 _AT_ONCE_S = 1e-6
 _LONGEST_S = 3e7
 """A year. A timer of macOS takes three, one of Linux many."""
 
 
 class _TimeIsUpError(SystemExit):
-    """Goes through the `except Exception` of an agent."""
+    """Ends a call; a `SystemExit`, because the `except Exception` of an agent does not catch it."""
 
 
 def with_time_limit(agent: _A, limit_s: float) -> _A:
-    """Return the agent, whose calls raise `TimeoutError` after so many seconds.
+    """Return the agent; its calls raise `TimeoutError` after `limit_s` seconds.
 
-    Nothing changes where signals do not reach, and for an object that takes no attributes.
+    The agent stays as it is outside of the main thread, on Windows, and where its attributes cannot be set.
     """
     if threading.current_thread() is threading.main_thread() and hasattr(signal, "setitimer"):
         for name in _CALLS:

@@ -1,7 +1,7 @@
 """Agents of the CARLA leaderboard on our simulators: `--drive-agent leaderboard:path/to/agent_file.py+path/to/config`.
 
-`factory` is what the registry calls, finds the agent's class, and makes it the same agent for the store; `stand_ins` is
-what its file imports where CARLA and the leaderboard are not installed. `adapter` puts the agent behind our `Agent`
-protocol: `official_rig` understands its sensors, `payloads` and `ray_sensors` give what they measure, `opendrive` the
-map, and `carla_world` is what it may ask CARLA.
+`factory` is called by the registry, finds the agent's class, and tells what identifies the agent in the store.
+`stand_ins` replace CARLA and the leaderboard for the agent's file where these are not installed. `adapter` puts the
+agent behind our `Agent` protocol: `official_rig` reads its sensor list, `payloads` and `ray_sensors` make the sensor
+data, `opendrive` makes the map, and `carla_world` answers the agent's calls to CARLA.
 """

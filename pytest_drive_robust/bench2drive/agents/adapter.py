@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 
 _HOST, _PORT = "localhost", 2000
-"""What the leaderboard's own options are when nobody says otherwise. Nothing listens there."""
+"""The defaults of the leaderboard's own options. Nothing listens there."""
 _EPISODES = itertools.count()
 _FIELDS = (("throttle", 0.0), ("steer", -1.0), ("brake", 0.0))
 
@@ -28,17 +28,18 @@ _STRAIGHT_PLAN = GlobalPlan(
     tuple(PlanPoint(x, 0.0, RoadOption.LANE_FOLLOW) for x in (0.0, 50.0, 100.0)),
     tuple(PlanPoint(float(x), 0.0, RoadOption.LANE_FOLLOW) for x in range(101)),
 )
-"""Hundred metres straight on: what an agent is set up with before there is a route, to see its sensors."""
+"""A plan of 100 m straight ahead, to set up an agent and read its sensors before there is a route."""
 
 
 class OfficialAgent:
     """Makes an object of the agent's class for every episode, as the official evaluator does for every route.
 
     The order of calls is that of the evaluator: the class is called with host, port and debug; `set_global_plan`;
-    `setup`; then `run_step` in every tick, and `destroy` before the next episode or at the end of the process. One
-    more object is made and destroyed at the start, on a straight plan, to know the agent's sensors.
+    `setup`; then `run_step` in every tick, and `destroy` before the next episode or at the end of the process. The
+    constructor makes and destroys one more object, on a straight plan, to read the agent's sensors. Raises `UsageError`
+    when that fails.
 
-    `privileged` agents are those with a sensor that is computed from the ground truth (lidar, radar).
+    `privileged` is True for an agent with a sensor that is computed from the ground truth (lidar, radar, map).
     """
 
     def __init__(self, cls: type, config: str, *, name: str) -> None:
@@ -65,7 +66,10 @@ class OfficialAgent:
         return self._rig.cameras
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """Destroy the agent of the last episode, and make and set up that of this one."""
+        """Destroy the agent object of the last episode; make and set up a new one for this episode.
+
+        Raises `ValueError` when the new object has other sensors than before.
+        """
         self._end()
         plan = hashlib.blake2b(repr(route.points).encode(), digest_size=6).hexdigest()
         self._world = HeroWorld()
@@ -74,7 +78,7 @@ class OfficialAgent:
             raise ValueError(f"sensors() of {self._name} gave other sensors than before, expected the same every time")
 
     def act(self, observation: Observation) -> Control:
-        """Run one `run_step`."""
+        """Return the control of one `run_step`. Raises as `control_of` does."""
         tick = observation.tick
         time_s = game_time_s(tick)
         self._world.hero.see(observation)
@@ -100,14 +104,14 @@ class OfficialAgent:
 
 
 def _config(given: str, route: str) -> str:
-    """Return what `setup` is given; with Bench2Drive's switch on, a name to save under follows, as officially."""
+    """Return the argument of `setup`. With `IS_BENCH2DRIVE` set, a name to save under follows, as officially."""
     if not os.environ.get("IS_BENCH2DRIVE"):
         return given
     return f"{given}+drive_robust_{route}_{os.getpid()}_{next(_EPISODES)}"
 
 
 def _quietly(destroy: Callable[[], object]) -> None:
-    """Call `destroy` and print what goes wrong: the episode is over and scored, so it belongs to none."""
+    """Call `destroy` and print its error: the last episode is over and scored, so the error counts in no episode."""
     try:
         destroy()
     except (Exception, SystemExit) as error:
@@ -115,10 +119,10 @@ def _quietly(destroy: Callable[[], object]) -> None:
 
 
 def control_of(command: object) -> Control:
-    """Return the same command, held within its ranges as CARLA does. Raises `TypeError` and `ValueError`.
+    """Return a CARLA command as a `Control`, clipped to its ranges as in CARLA.
 
-    The hand brake brakes with all that there is. Our vehicle has no reverse gear: to ask for it is an error, not a
-    drive forward. Numbers that are none (NaN) stay what they are, for the loop to blame.
+    The hand brake becomes a full brake without throttle. NaN stays NaN, so that the episode loop reports the error.
+    Raises `TypeError` for a command without numbers, and `ValueError` for the reverse gear, which our vehicle lacks.
     """
     values: list[float] = []
     for field, low in _FIELDS:
@@ -140,7 +144,7 @@ def control_of(command: object) -> Control:
 
 
 def _gps_plan(plan: GlobalPlan) -> list[tuple[dict[str, float], Any]]:
-    """Return `({"lat": ..., "lon": ..., "z": 0.0}, RoadOption)` for every point of the dense plan, degrees."""
+    """Return `({"lat": ..., "lon": ..., "z": 0.0}, RoadOption)` for every point of the dense plan, in degrees."""
     options = _options()
     return [
         ({"lat": point.latitude_deg, "lon": point.longitude_deg, "z": 0.0}, options(int(point.command)))
@@ -168,5 +172,5 @@ def _points(plan: GlobalPlan) -> tuple[PlanPoint, ...]:
 
 
 def _options() -> Any:
-    """Return CARLA's own enumeration where its Python API is there, else ours: agents compare with what they import."""
+    """Return CARLA's own enumeration where CARLA is installed, else ours: agents compare with the one they import."""
     return importlib.import_module("agents.navigation.local_planner").RoadOption

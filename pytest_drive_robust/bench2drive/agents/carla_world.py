@@ -1,6 +1,6 @@
-"""What an agent finds that asks CARLA's world: the clock, and its own vehicle as its sensors know it.
+"""CARLA's world as far as we show it to an agent: the clock, and the agent's own vehicle as its sensors measure it.
 
-Bench2Drive's agents write down how their `hero_actor` moved. Other actors, map, lights and signs are not there.
+Bench2Drive's agents log how their `hero_actor` moves. Other actors, map, lights and signs are not there.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def _carla() -> Any:
 
 
 class Hero:
-    """The vehicle that the agent drives, with CARLA's questions."""
+    """The vehicle that the agent drives, with the methods of CARLA's vehicles."""
 
     id = 0
     type_id = "vehicle.lincoln.mkz_2020"
@@ -37,32 +37,32 @@ class Hero:
         self._acceleration = (0.0, 0.0)  # forward and to the right, m/s2
 
     def see(self, seen: Observation) -> None:
-        """Be where the sensors put it, as fast as they tell."""
+        """Take place, speed and acceleration from an observation."""
         self._place = (seen.gps.x_m, seen.gps.y_m, seen.compass.yaw_rad)
         self._speed_mps, self._yaw_rate_radps = seen.speed.mps, seen.imu.yaw_rate_radps
         self._acceleration = (seen.imu.forward_mps2, seen.imu.right_mps2)
 
     def get_transform(self) -> Any:
-        """Return where it is and how it is turned."""
+        """Return the place and the rotation as a `carla.Transform`, metres and degrees."""
         x_m, y_m, yaw = self._place
         carla = _carla()
         turned = carla.Rotation(pitch=0.0, yaw=math.degrees(yaw), roll=0.0)
         return carla.Transform(carla.Location(x=x_m, y=y_m, z=0.0), turned)
 
     def get_location(self) -> Any:
-        """Return where it is."""
+        """Return the place as a `carla.Location`, metres."""
         return self.get_transform().location
 
     def get_velocity(self) -> Any:
-        """Return metres per second in the world's axes."""
+        """Return the velocity in metres per second, in the world's axes."""
         return self._in_world(self._speed_mps, 0.0)
 
     def get_acceleration(self) -> Any:
-        """Return metres per second squared in the world's axes."""
+        """Return the acceleration in metres per second squared, in the world's axes."""
         return self._in_world(*self._acceleration)
 
     def get_angular_velocity(self) -> Any:
-        """Return degrees per second, as CARLA gives it."""
+        """Return the angular velocity in degrees per second, as CARLA does."""
         return _carla().Vector3D(x=0.0, y=0.0, z=math.degrees(self._yaw_rate_radps))
 
     def get_control(self) -> Any:
@@ -76,10 +76,10 @@ class Hero:
 
 
 class ActorList(list[Hero]):
-    """Actors that can be filtered by their type as CARLA's can: `filter("*vehicle*")`."""
+    """A list of actors with CARLA's filter by type: `filter("*vehicle*")`."""
 
     def filter(self, pattern: str) -> ActorList:
-        """Return those whose type matches."""
+        """Return the actors whose type matches the pattern."""
         return ActorList(actor for actor in self if fnmatch.fnmatch(actor.type_id, pattern))
 
 
@@ -90,12 +90,15 @@ class HeroWorld:
         self.hero = Hero()
 
     def get_actors(self) -> ActorList:
-        """Return the hero."""
+        """Return a list of one actor, the agent's own vehicle."""
         return ActorList([self.hero])
 
 
 def show_world(world: HeroWorld, *, frame: int, time_s: float) -> None:
-    """Set the clock and the world that the agent may look at, in whatever modules of `srunner` it has imported."""
+    """Set the clock and the world for the agent, in those modules of `srunner` that are imported.
+
+    `time_s` is seconds since the start of the route, `frame` the number of the frame.
+    """
     clock = getattr(sys.modules.get(_CLOCK), "GameTime", None)
     if clock is not None:
         clock._current_game_time, clock._last_frame = time_s, frame

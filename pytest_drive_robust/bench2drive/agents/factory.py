@@ -1,4 +1,4 @@
-"""What the registry calls for `leaderboard:FILE+CONFIG`, and what makes an agent the same agent for the store."""
+"""The factory behind `leaderboard:FILE+CONFIG`, and the facts that identify an official agent in the store."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")
 class OfficialAgentFactory:
     """Makes agents of one file with one configuration.
 
-    It wraps the agent's class, so that the code of the agent and all that it imports is a part of its identity; the
-    content of its configuration files is, too, as are our side of the bridge and those environment variables that the
-    agent file asks for by name.
+    The identity of the agent has four parts: its code with all that it imports, because the factory wraps the agent's
+    class; the content of its configuration files; our code of the bridge; and the environment variables that the agent
+    file reads by name.
     """
 
     def __init__(self, file: Path, config: str) -> None:
@@ -42,17 +42,17 @@ class OfficialAgentFactory:
         self.num_gpus = getattr(cls, "num_gpus", 0)
 
     def __call__(self) -> OfficialAgent:
-        """Return a new agent. Raises `UsageError` when it cannot be set up or has sensors that nobody knows."""
+        """Return a new agent. Raises `UsageError` if the agent cannot be set up or has an unknown sensor."""
         name = f"{self._class.__name__} of {self._file.name}"
         return OfficialAgent(self._class, self._config, name=name)
 
     def check(self) -> None:
-        """Set up an agent and give it back, to say at collection what is wrong with it. Raises `UsageError`."""
+        """Set up an agent and drop it, so that a broken agent raises its `UsageError` at collection already."""
         self()
 
     @property
     def weights(self) -> tuple[Path, ...]:
-        """Every file that the configuration names, those within its folders included."""
+        """Every file that the configuration names, including all files in the folders that it names."""
         found: list[Path] = []
         for part in filter(None, self._config.split("+")):
             path = Path(part).expanduser()
@@ -64,7 +64,7 @@ class OfficialAgentFactory:
 
     @property
     def configuration(self) -> Mapping[str, Any]:
-        """What decides how the agent drives and is not in its own source."""
+        """Everything outside of source and configuration files that decides how the agent drives, by name."""
         asked = sorted({*asked_variables(self._file), "IS_BENCH2DRIVE"})
         return {
             "config": self._config,
@@ -74,9 +74,9 @@ class OfficialAgentFactory:
 
 
 def leaderboard_agent(argument: str) -> OfficialAgentFactory:
-    """Return what makes agents of `FILE+CONFIG`: a file, and the text for `setup`, which may name files joined by `+`.
+    """Return the factory for `FILE+CONFIG`: a file, and the text for `setup`, which may name files joined by `+`.
 
-    Relative paths are from the current folder. Raises `UsageError` for files that are not there.
+    Relative paths start at the current folder. Raises `UsageError` for files that are not there.
 
     >>> leaderboard_agent("")
     Traceback (most recent call last):
@@ -89,10 +89,11 @@ leaderboard:path/to/agent_file.py, or leaderboard:path/to/agent_file.py+path/to/
 
 
 def _agent_class(file: Path) -> type:
-    """Import the file and return the class that its `get_entry_point` names. Raises `UsageError` when it has none.
+    """Import the file and return the class that its `get_entry_point` names. Raises `UsageError` if there is no class.
 
-    The folder of the file and the current one are put on `sys.path`, and stay: agents import their neighbours, some of
-    them while they drive. Where no `carla`, `leaderboard`, `srunner` or `agents` is installed ours take their place.
+    The folder of the file and the current folder are put on `sys.path` and stay there: agents import modules beside
+    their file, some while they drive. Our stand-ins take the place of `carla`, `leaderboard`, `srunner` and `agents`
+    where these are not installed.
     """
     module = _imported(file)
     entry_point = getattr(module, "get_entry_point", None)
@@ -144,7 +145,7 @@ def _imported(file: Path) -> ModuleType:
 
 
 def _module_name(file: Path) -> str:
-    """Return the stem, as in the leaderboard; made unique where something else has that name already."""
+    """Return the stem of the file, as in the leaderboard; made unique where another module has that name."""
     name = re.sub(r"\W", "_", file.stem)
     known = sys.modules.get(name)
     if known is not None:

@@ -1,4 +1,4 @@
-"""The list that an agent's `sensors()` gives, understood: cameras for the world to draw, everything else for us."""
+"""Read the list of an agent's `sensors()`: cameras for the simulator to draw, other sensors for us to compute."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _SIGNALS: Mapping[str, tuple[str, ...]] = {
     RADAR: (),
     SPEEDOMETER: ("speed",),
 }
-"""Every type that the leaderboard allows, and which of our signals it is."""
+"""Every sensor type that the leaderboard allows, with the signals of ours that it needs."""
 _PLACE = ("x", "y", "z", "roll", "pitch", "yaw")
 _CAMERA_NUMBERS = ("width", "height", "fov")
 _RADAR_NUMBERS = ("horizontal_fov", "vertical_fov")
 _OURS = {"x": "x_m", "y": "y_m", "z": "z_m", "pitch": "pitch_deg", "yaw": "yaw_deg"}
-"""The names of a place in our specifications; nothing is rolled."""
+"""The leaderboard's and our names for the place of a sensor; no sensor has a roll."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,26 +51,26 @@ class Sensor:
 
 @dataclass(frozen=True, slots=True)
 class OfficialRig:
-    """`sensors` in the agent's order, and `cameras` for the simulator; a camera has the same name in both."""
+    """Sensors in the agent's order, and cameras for the simulator; a camera has the same name in both."""
 
     sensors: tuple[Sensor, ...]
     cameras: tuple[CameraSpec, ...]
 
     @property
     def consumes(self) -> frozenset[str]:
-        """Which of our signals reach the agent."""
+        """The signals of ours that reach the agent."""
         return frozenset(signal for sensor in self.sensors for signal in _SIGNALS[sensor.type])
 
     @property
     def needs_truth(self) -> bool:
-        """Whether a sensor is computed from the state of the world, because our worlds have no such sensor."""
+        """True when a sensor (lidar, radar, map) is computed from the world's state, as our worlds have none."""
         return any(sensor.type in (LIDAR, RADAR, MAP) for sensor in self.sensors)
 
 
 def read_rig(specs: object, *, agent: str) -> OfficialRig:
-    """Understand what `sensors()` of `agent` returned. Raises `UsageError` that names the sensor.
+    """Return the rig of the list `specs` that `sensors()` of `agent` gave. Raises `UsageError` that names the sensor.
 
-    The leaderboard fires every sensor in every tick, whatever `sensor_tick` and `reading_frequency` say; so do we.
+    As in the leaderboard, every sensor measures in every tick, whatever `sensor_tick` and `reading_frequency` say.
     """
     if not isinstance(specs, Sequence) or isinstance(specs, str):
         raise UsageError(f"sensors() of {agent} returned {specs!r}, expected a list of dictionaries.")
@@ -92,7 +92,7 @@ def read_rig(specs: object, *, agent: str) -> OfficialRig:
 
 
 def _numbers_of(spec: object, agent: str) -> dict[str, float]:
-    """Return every number of one specification, with 0 for what a place does not say. Raises `UsageError`."""
+    """Return every number of one specification; missing numbers of its place are 0. Raises `UsageError`."""
     if not isinstance(spec, Mapping) or "type" not in spec or "id" not in spec:
         raise UsageError(f"sensors() of {agent} returned {spec!r}, expected a dictionary with 'type' and 'id'.")
     kind, what = spec["type"], f"the sensor {spec['id']!r} of {agent}"

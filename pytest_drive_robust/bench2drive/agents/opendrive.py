@@ -15,7 +15,7 @@ import numpy as np
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 
 _ALIGNED_M = 1.0
-"""Lanes belong to one road when they begin and end beside each other to this accuracy."""
+"""Lanes that begin and end beside each other, to this accuracy, belong to one road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +27,12 @@ class Road:
 
     @property
     def junction(self) -> bool:
-        """Whether it lies in a junction."""
+        """True when the road lies in a junction."""
         return any(lane.junction for lane in self.lanes)
 
 
 def roads_of(lanes: Sequence[Lane]) -> tuple[Road, ...]:
-    """Return every lane in exactly one road, whose number is that of its leftmost lane."""
+    """Return roads that hold each lane exactly once; the number of a road is that of its leftmost lane."""
     by_index = {lane.index: lane for lane in lanes}
     found: list[Road] = []
     for lane in lanes:
@@ -46,7 +46,7 @@ def roads_of(lanes: Sequence[Lane]) -> tuple[Road, ...]:
 
 
 def _left_of(lane: Lane, by_index: dict[int, Lane]) -> Lane | None:
-    """Return the lane at its left, when both are of one road."""
+    """Return the lane to the left of `lane` if both belong to one road, else None."""
     left = by_index.get(lane.left)
     if left is None or not lane.left_same_way or left.right != lane.index or lane.junction or left.junction:
         return None
@@ -72,13 +72,13 @@ _FIRST_JUNCTION = 100_000
 _SHORTEST_M = 1e-6
 
 _Links = list[tuple[int, int, int, int]]
-"""(road, lane, road that follows, its lane), in the numbers of OpenDRIVE."""
+"""(road, lane, next road, lane of the next road), in the numbers of OpenDRIVE."""
 
 
 def opendrive_of(lane_map: LaneMap) -> str:
     """Return the map in OpenDRIVE 1.4; a road has the number of its leftmost lane.
 
-    The end of a lane that leads nowhere is one more road, because CARLA's planner knows only roads that lead on.
+    The end of a lane without a successor becomes one more road, because CARLA's planner knows only roads that lead on.
     """
     roads = roads_of(_with_ends(lane_map.lanes))
     links = _links(roads)
@@ -98,9 +98,9 @@ def opendrive_of(lane_map: LaneMap) -> str:
 
 
 def _with_ends(lanes: Sequence[Lane]) -> list[Lane]:
-    """Return the same with the last stretch of each lane without a successor cut off.
+    """Cut off the last stretch of each lane without a successor; return all lanes.
 
-    Its number is `_FIRST_END` higher."""
+    The stretch becomes a lane of its own, whose number is `_FIRST_END` higher."""
     cut = {lane.index for lane in lanes if not lane.successors and len(lane.centre) > 2 * _END_ROWS}
     found: list[Lane] = []
     for lane in lanes:
@@ -121,7 +121,7 @@ def _links(roads: Sequence[Road]) -> _Links:
 
 
 def _junctions(roads: Sequence[Road], links: _Links) -> dict[int, list[int]]:
-    """Return the roads inside each junction: those flagged so, and all behind a road which leads to more than one."""
+    """Return the roads inside each junction: flagged roads, and all successors of a road with several successors."""
     home: dict[int, int] = {}
 
     def find(road: int) -> int:

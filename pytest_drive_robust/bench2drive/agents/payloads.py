@@ -13,8 +13,8 @@ sensor                       payload
 ============================ ======================================================================================
 
 Formats, noise and frame numbers are those of Bench2Drive `leaderboard/envs/sensor_interface.py` and
-`leaderboard/autoagents/agent_wrapper.py`. Every payload carries the number of the current frame, that of a stale
-image included: nothing in the leaderboard tells an agent that its camera hangs.
+`leaderboard/autoagents/agent_wrapper.py`. Every payload carries the number of the current frame, also for a stale
+image: nothing in the leaderboard tells an agent that its camera hangs.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _GNSS_NOISE = 5e-6
 _IMU_NOISE = 0.001
 _IMU_VERTICAL_NOISE = 0.015
 _COMPASS_WAKES = 3
-"""CARLA's compass is NaN in the first frames of an episode; this many are usual."""
+"""The usual number of frames at the start of an episode in which CARLA's compass is NaN."""
 
 
 def frame_number(tick: int) -> int:
@@ -63,7 +63,7 @@ class Payloads:
         self._map: str | None = None
 
     def of(self, observation: Observation) -> InputData:
-        """Return what `run_step` is given; every array is the agent's own."""
+        """Return the `input_data` of `run_step`; the agent may write to every array."""
         frame = frame_number(observation.tick)
         return {sensor.id: (frame, self._payload(sensor, observation)) for sensor in self._rig.sensors}
 
@@ -97,7 +97,7 @@ class Payloads:
         return np.array([*to_geodetic(x_m, y_m), sensor.z_m]) + noise
 
     def _motion(self, sensor: official_rig.Sensor, seen: Observation) -> NDArray[np.float64]:
-        """Return what an IMU that turns with its mount measures: accelerations along its own axes, its own heading."""
+        """Return the data of an IMU that turns with its mount: accelerations along its own axes, its own heading."""
         turn = math.radians(sensor.yaw_deg)
         forward, right = seen.imu.forward_mps2, seen.imu.right_mps2
         ahead = forward * math.cos(turn) + right * math.sin(turn)

@@ -1,12 +1,12 @@
 """`sensor.lidar.ray_cast` and `sensor.other.radar` of the leaderboard, from the state of the world.
 
-The world is flat, and everything in it is an upright box. So each direction seen from above is cut with the boxes
-once, and heights decide afterwards, for all rays of that direction together.
+The world is flat, and everything in it is an upright box. So each direction seen from above is intersected with the
+boxes once; then heights decide for all rays of this direction together.
 
 The leaderboard's lidar has 64 channels from 10 degrees above to 30 below the horizon, 600,000 points a second, 10 turns
 a second and 85 m of reach; its radar 1,500 rays a second and 100 m (Bench2Drive
 `leaderboard/autoagents/agent_wrapper.py`). At 20 Hz a tick sees half a turn of the lidar: even ticks the right half,
-odd ticks the left. Ours loses no points at random, and rays that meet nothing give none.
+odd ticks the left. Our lidar loses no points at random, and a ray that meets nothing gives no point.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def sweep(sensor: Sensor, truth: GroundTruth) -> NDArray[np.float32]:
 def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.float32]:
     """Return (n, 4): depth in m, altitude and azimuth in radians, velocity towards the sensor negative, in m/s.
 
-    Rays leave in directions drawn within the elliptic field of view; those that meet nothing give no detection.
+    The directions of the rays are drawn within the elliptic field of view; a ray that meets nothing gives no detection.
     """
     tick, ego = truth.state.tick, truth.state.ego
     pose = _pose(sensor, truth)
@@ -60,7 +60,7 @@ def detections(sensor: Sensor, truth: GroundTruth, draws: Draws) -> NDArray[np.f
     seen = np.flatnonzero(met[:, 0] > -2)
     away, box, slope = flat[seen, 0], met[seen, 0], slopes[seen, 0]
     own = ego.speed_mps * np.array([np.cos(ego.yaw_rad), np.sin(ego.yaw_rad)])
-    moving = np.concatenate([velocities, np.zeros((1, 2))])[box] - own  # -1, the ground, is the row that stands
+    moving = np.concatenate([velocities, np.zeros((1, 2))])[box] - own  # -1, the ground, takes the last row: velocity 0
     along = np.stack([np.cos(pose[2] + azimuths[seen]), np.sin(pose[2] + azimuths[seen])], axis=1)
     velocity = (moving * along).sum(axis=1) / np.sqrt(1.0 + slope**2)
     depth = away * np.sqrt(1.0 + slope**2)
@@ -77,9 +77,9 @@ def _pose(sensor: Sensor, truth: GroundTruth) -> tuple[float, float, float]:
 
 
 def _boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) -> tuple[Floats, Floats]:
-    """Return every actor and building of which a part may be within reach of a point.
+    """Return every actor and building that may be partly within reach of a point.
 
-    (k, 6) of x, y, yaw, length, width, height in metres and radians, and (k, 2) velocities in m/s.
+    The boxes are (k, 6): x, y, yaw, length, width, height in metres and radians. The velocities are (k, 2) in m/s.
     """
     actors = truth.state.actors
     actors = actors[actors[:, WorldState.KIND] != ActorKind.DIRT]
@@ -97,10 +97,10 @@ def _boxes_near(truth: GroundTruth, x_m: float, y_m: float, *, reach_m: float) -
 def _first_hits(
     pose: tuple[float, float, float], z_m: float, azimuths: Floats, slopes: Floats, boxes: Floats, *, reach_m: float
 ) -> tuple[Floats, NDArray[np.int64]]:
-    """Return how far rays fly in the plane, and what they meet: (azimuths, slopes) each.
+    """Return the horizontal distance in metres at which each ray meets something, and the number of the box: (n, m).
 
-    `azimuths` are radians to the right of the sensor, `slopes` metres up per metre forward, of as many rays for each
-    azimuth: (m,) for all alike or (n, m). The number of the box is -1 for the ground and -2 for nothing within reach.
+    `azimuths` (n,) are radians to the right of the sensor, `slopes` metres up per metre forward: (m,) for every azimuth
+    alike, or (n, m). The number of the box is -1 for the ground and -2 for nothing within reach.
     """
     slopes = np.broadcast_to(slopes, (len(azimuths), slopes.shape[-1]))
     flat = np.full(slopes.shape, np.inf)
@@ -111,7 +111,7 @@ def _first_hits(
         near, far, height = enters[ray, box], leaves[ray, box], boxes[box, 5]
         slope = slopes[ray]
         at_near = z_m + slope * near
-        reaches = np.where(at_near <= height, near, np.inf)  # its side; from above, its roof
+        reaches = np.where(at_near <= height, near, np.inf)  # the side of the box; a ray from above meets the roof
         falling = (at_near > height) & (z_m + slope * far <= height)
         np.divide(height - z_m, slope, out=reaches, where=falling)
         closer = (reaches < flat[ray]) & (at_near >= 0.0)
@@ -123,7 +123,7 @@ def _first_hits(
 
 
 def _crossings(pose: tuple[float, float, float], azimuths: Floats, boxes: Floats) -> tuple[Floats, Floats]:
-    """Return (azimuths, boxes): metres from the sensor to where a line enters and leaves each box; inf if never."""
+    """Return two tables (azimuths, boxes): metres to where a ray enters a box (inf if never) and where it leaves."""
     x, y, yaw = pose
     dx, dy = np.cos(yaw + azimuths)[:, None], np.sin(yaw + azimuths)[:, None]
     cos, sin = np.cos(boxes[:, 2]), np.sin(boxes[:, 2])

@@ -30,8 +30,8 @@ _INTERRUPTED = 130
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command.
 
-    Returns 0 when every route has a score, 1 when harness errors left some without or all are errors of the agent, 4
-    for misuse, 130 when interrupted.
+    Returns 0 when every route has a score, 1 when a harness error left a route without a score or every route ended as
+    an error of the agent, 4 for misuse, 130 when interrupted.
     """
     options = _parser().parse_args(arguments)
     try:
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DriveRobustError as error:
         print(f"bench2drive: {error}", file=sys.stderr)
         return _USAGE_ERROR
-    except OSError as error:  # of a file that was named; 1 says that routes lack a score
+    except OSError as error:  # about a file that the user named; not 1, which says that routes lack a score
         print(f"bench2drive: {error.filename or 'a file'}: {error.strerror or error}.", file=sys.stderr)
         return _USAGE_ERROR
 
@@ -109,12 +109,12 @@ def _run(options: argparse.Namespace) -> int:
     finally:
         executor.close()
     results = executor.run_folder(requests[0]).results
-    names = "" if chosen else f" --routes {shlex.quote(str(file))}"  # of some ids the results themselves tell the rest
+    names = "" if chosen else f" --routes {shlex.quote(str(file))}"  # the results tell which ids were chosen
     return _concluded(outcomes, results, f"drive-robust score {shlex.quote(str(results))}{names}")
 
 
 def _concluded(outcomes: Mapping[str, Outcome], results: Path, score_command: str) -> int:
-    """Print how many routes have a score, and what to do where some have none or broke; return the exit code."""
+    """Print how many routes have a score, and advice for unscored and broken routes; return the exit code."""
     unscored = [name for name, outcome in outcomes.items() if outcome is Outcome.INFRA_ERROR]
     broken = [name for name, outcome in outcomes.items() if outcome is Outcome.AGENT_ERROR]
     scored = len(outcomes) - len(unscored)
@@ -129,7 +129,7 @@ def _concluded(outcomes: Mapping[str, Outcome], results: Path, score_command: st
 
 
 def _check_numbers(options: argparse.Namespace) -> None:
-    """Raise `UsageError` for numbers that nothing can be driven with."""
+    """Raise `UsageError` for an option whose number is out of range."""
     check_seeds([options.seed], source="--seed")
     for name, value in (("--slots", options.slots), ("--tries", options.tries)):
         if value < 1:
@@ -149,7 +149,7 @@ def _line(result: EpisodeResult) -> str:
 
 
 def _file_and_ids(spec: str) -> tuple[Path, list[str]]:
-    """Return the route file and the ids after its colon, none for all of them."""
+    """Return the absolute route file and the ids after its colon; no ids stand for all routes of the file."""
     name, colon, wanted = spec.rpartition(":")
     if not colon or Path(spec).is_file():
         name, wanted = spec, ""

@@ -1,4 +1,4 @@
-"""One start of the official evaluator, watched from the outside until it and everything that it started are gone."""
+"""One run of the official evaluator, watched from the outside until all its processes have ended."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pytest_drive_robust.bench2drive.evaluator.guard import MARK, kill_marked, m
 _GUARD = Path(__file__).with_name("guard.py")
 _SERVER_SIGN = b"-carla-rpc-port="
 STOPPED = "stopped"
-"""The trouble of an attempt that was ended because `stop` was set."""
+"""The `trouble` of an attempt that ended because `stop` was set."""
 _POLL_S = 0.1
 _LOOK_S = 2.0
 _ENDING_S = 30.0
@@ -27,8 +27,9 @@ _ENDING_S = 30.0
 class Patience:
     """How long to wait, in seconds of wall time.
 
-    `route_s` for a whole route; `silence_s` without a line of output, which agents print every tick: longer than the
-    evaluator's own 600 s, so that it can speak first; `server_s` with a dead server, which it may not notice.
+    `route_s` is the limit for a whole route. `silence_s` is the limit without a line of output, which agents print in
+    every tick; it is longer than the evaluator's own limit of 600 s, so that the evaluator can report first. `server_s`
+    is the limit with a dead server, which the evaluator may not notice.
     """
 
     route_s: float = 6 * 3600.0
@@ -38,7 +39,7 @@ class Patience:
 
 @dataclass(frozen=True, slots=True)
 class Attempt:
-    """How it ended. `code` is the evaluator's exit code, `trouble` why we ended it ourselves (else empty)."""
+    """How an attempt ended: the evaluator's exit code, and in `trouble` why we ended it ourselves (else empty)."""
 
     code: int
     trouble: str
@@ -54,9 +55,9 @@ def attempt(
     patience: Patience,
     stop: threading.Event | None = None,
 ) -> Attempt:
-    """Run the command in `folder`, its output in `log`, until it ends or patience does. Nothing of it is left then.
+    """Run the command in `folder`, with its output in `log`, until the command ends or runs out of `patience`.
 
-    Ends early, with the trouble `STOPPED`, once `stop` is set.
+    Ends early, with the trouble `STOPPED`, once `stop` is set. No process of the command is left when this returns.
     """
     mark = uuid.uuid4().hex
     started_s = time.monotonic()
@@ -93,7 +94,7 @@ class _Watch:
         self._server_s: float | None = None
 
     def trouble(self) -> str:
-        """Return why to give up, or nothing."""
+        """Return why the attempt must end, or an empty text."""
         now_s = time.monotonic()
         if now_s - self._started_s > self._patience.route_s:
             return f"the route took longer than {self._patience.route_s:g} s"
@@ -113,7 +114,7 @@ class _Watch:
 
 
 def _end(guard: subprocess.Popen[bytes], mark: str) -> None:
-    """End the guard, which kills what it started; kill the rest ourselves where somebody killed the guard."""
+    """End the guard, which kills all processes of the command; kill the rest here, in case the guard was killed."""
     assert guard.stdin is not None
     with contextlib.suppress(OSError):
         guard.stdin.close()

@@ -1,4 +1,4 @@
-"""What stands for the official evaluator among the simulators, so that its name is listed and found when misspelt."""
+"""The registered simulator `bench2drive`, so that this name is listed and suggested for a misspelt one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 
 def official_evaluator(options: SimulatorOptions) -> Simulator:
-    """Refuse: pytest alone drives by the official evaluator, and makes no world of ours for it."""
+    """Raise `UsageError`: no simulator object exists for the official evaluator; pytest starts the evaluator itself."""
     raise UsageError(
         "bench2drive is the official evaluator, which is started by pytest only: "
         "pytest --drive-robust --drive-sim bench2drive --drive-b2d-root=FOLDER."

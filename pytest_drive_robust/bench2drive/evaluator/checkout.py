@@ -26,7 +26,7 @@ _TIMEOUT_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Checkout:
-    """Absolute paths. `python` is the interpreter that the agent's environment has, not necessarily ours."""
+    """Absolute paths of a checkout. `python` is the interpreter of the agent's environment, not necessarily ours."""
 
     root: Path
     carla_root: Path
@@ -68,7 +68,7 @@ class Checkout:
 
     @property
     def python_version(self) -> tuple[int, int] | None:
-        """What `python` is, as in (3, 7); None when it cannot be started."""
+        """The version of `python`, as in (3, 7); None when `python` cannot be started."""
         return _version_of(self.python)
 
     @property
@@ -94,19 +94,20 @@ class Checkout:
 
     @property
     def eggs(self) -> tuple[Path, ...]:
-        """CARLA's own client for the evaluator's Python; none where a wheel has to be installed.
+        """The eggs of CARLA's own client for the evaluator's Python; empty where a wheel has to be installed.
 
-        CARLA has eggs of other versions beside it, of Python 2.7 too: on the path, such a one hides every client that
-        works. The official scripts use the one of 3.7 with 3.8 as well.
+        CARLA also ships eggs for other versions, such as Python 2.7. On the path, such an egg would hide every client
+        that works. The official scripts use the egg for 3.7 with 3.8 as well.
         """
         if self.python_version not in _EGG_PYTHONS:
             return ()
         return tuple(sorted((self.carla_root / "PythonAPI" / "carla" / "dist").glob("carla-*-py3.7-linux*.egg")))
 
     def environment(self, inherited: Mapping[str, str]) -> dict[str, str]:
-        """Return what the official start script exports, on top of `inherited` (Bench2Drive `run_evaluation.sh`).
+        """Return `inherited` with the variables of the official start script (Bench2Drive `run_evaluation.sh`).
 
-        Its `PYTHONPATH` begins with an empty entry, which is the root: agents import `Bench2DriveZoo` and `TCP` there.
+        The script's `PYTHONPATH` begins with an empty entry, which means the root: agents import `Bench2DriveZoo` and
+        `TCP` from there.
         """
         api = self.carla_root / "PythonAPI"
         paths = [self.root, api, api / "carla", *self.eggs]
@@ -126,7 +127,7 @@ class Checkout:
 
 
 def shell_trouble(carla_root: Path) -> str:
-    """Return why the evaluator cannot start the server there, in a clause: it gives the path to a shell, unquoted."""
+    """Return in a clause why a shell, which gets this path unquoted, cannot start the server there; else empty."""
     folder = str(carla_root.resolve())
     found = re.search(r"[^\w@%+=:,./-]", folder)
     return f"the evaluator starts CARLA by a shell, which breaks {folder!r} at {found[0]!r}" if found else ""
@@ -138,9 +139,9 @@ def named_carla() -> Path | None:
 
 
 def _absolute(python: str) -> str:
-    """Return the path of an interpreter or of a command on `PATH`: the evaluator runs in another folder.
+    """Return the absolute path of an interpreter or of a command on `PATH`: the evaluator runs in another folder.
 
-    Links stay as they are: that of a virtual environment tells Python where its packages are.
+    Links are not resolved: by the link in a virtual environment, Python finds the packages of this environment.
     """
     found = shutil.which(python) or python
     return os.path.abspath(found) if os.path.dirname(found) else found
@@ -148,7 +149,7 @@ def _absolute(python: str) -> str:
 
 @cache
 def _version_of(python: str) -> tuple[int, int] | None:
-    """Ask an interpreter for its version, ourselves excepted. Starting it once says it for the whole run."""
+    """Return the version of an interpreter, None if it does not start. Cached: it is started once for the whole run."""
     if python == sys.executable:
         return sys.version_info[:2]
     try:

@@ -1,6 +1,6 @@
-"""The code that an evaluator may import beside the agent's own file, as one digest of all there is in some folders.
+"""A digest of all code in some folders: the code that an evaluator may import beside the agent's own file.
 
-Which of it is imported only the agent's own Python could tell: it reads modules by computed names and paths of its own.
+Only the agent's own Python could tell which modules it imports: agents import by computed names and own paths.
 """
 
 from __future__ import annotations
@@ -15,13 +15,14 @@ from pytest_drive_robust.bench2drive.results.planned_routes import PLANNED_FILE
 
 _NO_CODE = frozenset({"__pycache__", "site-packages", "node_modules"})
 _MARKS = frozenset({"pyvenv.cfg", "conda-meta", PLANNED_FILE})
-"""What makes a folder a Python environment, or one of our results, where agents save what they like."""
+"""Files that mark a folder as a Python environment, or as a folder of our results, where agents save any files."""
 
 
 def code_around(folders: Iterable[Path]) -> str:
-    """Return 16 hex digits of all `*.py` below the folders, by their places, without environments and hidden ones.
+    """Return a digest (16 hex digits) of the paths and contents of all `*.py` below the folders.
 
-    What was read is read again only when its size or time has changed: this is asked before every route.
+    Python environments, result folders and hidden files and folders are left out. A file is read again only if its
+    size, time or inode has changed, because this function is called before every route.
     """
     digest = hashlib.blake2b(digest_size=8)
     for folder in folders:
@@ -29,14 +30,14 @@ def code_around(folders: Iterable[Path]) -> str:
             try:
                 status = file.stat()
                 content = _content(file.path, status.st_size, status.st_mtime_ns, status.st_ino)
-            except OSError:  # it is gone, or a link to nowhere: nobody can import it
+            except OSError:  # a file that is gone, or a link to nowhere, which nobody can import
                 continue
             digest.update(os.fsencode(file.path) + b"\0" + content)
     return digest.hexdigest()
 
 
 def _python_files(folder: Path, seen: set[tuple[int, int]]) -> Iterator[os.DirEntry[str]]:
-    """Yield them in an order that does not depend on the disk. Links are followed, to each folder once (`seen`)."""
+    """Yield the `*.py` below a folder, sorted by name. Links are followed, to each folder once (`seen`)."""
     try:
         status = folder.stat()
         with os.scandir(folder) as found:
@@ -44,7 +45,7 @@ def _python_files(folder: Path, seen: set[tuple[int, int]]) -> Iterator[os.DirEn
     except OSError:  # nothing can be imported from there
         return
     place = status.st_dev, status.st_ino
-    is_below = bool(seen)  # what was named counts, whatever it is
+    is_below = bool(seen)  # a folder that the caller named always counts
     if place in seen or (is_below and not _MARKS.isdisjoint(entry.name for entry in entries)):
         return
     seen.add(place)

@@ -1,4 +1,4 @@
-"""What is missing before the official evaluator can drive, each with what to do about it."""
+"""Check everything that the official evaluator needs, with advice for each failed check."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ _TIMEOUT_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class DoctorCheck:
-    """`ok` is None for what is worth knowing and stops nothing. `advice` says what to do when it is not ok."""
+    """One check. `ok` is None for a note that stops nothing; `advice` says what to do when `ok` is not True."""
 
     name: str
     ok: bool | None
@@ -71,7 +71,7 @@ class DoctorCheck:
 def examine(
     root: Path, *, carla_root: Path | None = None, python: str = "", port: int = DEFAULT_PORT
 ) -> tuple[DoctorCheck, ...]:
-    """Return everything, in the order in which one would put it right. Raises `UsageError` for a port beyond all."""
+    """Return all checks, in the order in which to fix them. Raises `UsageError` for an impossible port."""
     check_ports(port)
     given = carla_root or named_carla()
     checks = [*_checkout(root), *_server(given)]
@@ -86,12 +86,12 @@ def examine(
 
 
 def checkout_version(root: Path) -> str:
-    """Return `0.0.4` where its validation routes are there, else `0.0.3`: checkouts do not say it."""
+    """Return `0.0.4` if that version's validation routes are there, else `0.0.3`: checkouts do not tell a version."""
     return "0.0.4" if (root / "leaderboard/data/bench2drive_0.0.4_val.xml").is_file() else "0.0.3"
 
 
 def carla_version(carla_root: Path) -> str:
-    """Return what the file `VERSION` of a CARLA says, empty when it is not there."""
+    """Return the text of CARLA's file `VERSION`, empty when there is no such file."""
     try:
         return (carla_root / "VERSION").read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -145,7 +145,7 @@ def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
 
 
 def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
-    """Ask the evaluator's Python, with the evaluator's environment, what it can import."""
+    """Check which modules the evaluator's Python can import, with the evaluator's environment."""
     hint = "Give the Python of the agent's environment with --python."
     try:
         ended = subprocess.run(
@@ -190,7 +190,7 @@ def _python(checkout: Checkout) -> Iterator[DoctorCheck]:
 
 
 def _ports(port: int) -> Iterator[DoctorCheck]:
-    """Look at the first ports: CARLA takes three in a row, the traffic manager one. Taken ones stop nothing."""
+    """Check the first ports: CARLA takes three in a row, the traffic manager one. Taken ports are only a note."""
     wanted = (port, port + 1, port + 2, port + TRAFFIC_OFFSET)
     held = [number for number in wanted if not _is_free(number)]
     yield DoctorCheck(
@@ -210,7 +210,7 @@ def _is_free(port: int) -> bool:
 
 
 def _gpu_numbers() -> DoctorCheck:
-    """Check which GPUs evaluators are given: names of GPUs stop a drive."""
+    """Check the numbers of the GPUs for evaluators: a GPU given by name stops a drive."""
     try:
         gpus = visible_gpus(os.environ)
     except UsageError as error:

@@ -1,4 +1,4 @@
-"""One route in the official evaluator, as often as harness errors make it necessary."""
+"""Drive one route in the official evaluator, again after harness errors."""
 
 from __future__ import annotations
 
@@ -30,21 +30,21 @@ from pytest_drive_robust.store.reuse import RAN_OUT
 
 _INJECT = Path(__file__).with_name("inject.py")
 _INJECTED_LOG = "injected.jsonl"
-"""Where `inject.py` tells what it did, beside the result of a try."""
+"""The log of `inject.py` about the injection, beside the result of a try."""
 _REFUSED = 78
 _CANNOT_START = ("ModuleNotFoundError", "ImportError", "SyntaxError")
 _SERVER_LOST = "while waiting for the simulator"
-"""Out of the message of every call of CARLA's client that has no server any more."""
+"""Part of the message of every call of CARLA's client when the server is gone."""
 _RAN_OUT = re.compile(
     rf"(?:could not set up the required agent|the agent has crashed):.*?({'|'.join(RAN_OUT)})",
     re.IGNORECASE | re.DOTALL,
 )
-"""In what the evaluator says of the exception of an agent."""
+"""Matches the evaluator's report of an agent's exception that is about lack of resources."""
 
 
 @dataclass(frozen=True, slots=True)
 class EvaluatorSetup:
-    """What is driven: `agent` is the agent's file, `config` what its `setup` gets; `seed` also seeds the traffic."""
+    """The drives to do: `agent` is the agent's file, `config` the text for its `setup`; `seed` also seeds traffic."""
 
     checkout: Checkout
     agent: Path
@@ -59,11 +59,11 @@ class EvaluatorSetup:
 
     @property
     def identity(self) -> dict[str, str]:
-        """What decides the results, as text by name: drives of which one differs must not be mixed.
+        """Everything that decides the results, as text by name: drives that differ in one value must not be mixed.
 
-        The configuration may name several files and folders, joined by `+`. The code that counts is what lies around
-        the agent and around its configuration, and the checkout's own; what is installed in the agent's Python does not
-        count, but which Python that is.
+        The configuration may name several files and folders, joined by `+`. The code in the folders of the agent and
+        of its Python configuration files counts, and the checkout's own code. Packages in the agent's Python do not
+        count, but the path and the version of this Python do.
         """
         checkout = self.checkout
         parts = [checkout.root / part for part in self.config.split("+") if part]
@@ -88,7 +88,7 @@ class EvaluatorSetup:
 
 @dataclass(frozen=True, slots=True)
 class DrivenRoute:
-    """`record` is None when every try was a harness error, which `troubles` tell, one for each failed try."""
+    """The result of a route. `record` is None when no try gave a score; `troubles` has a text for each failed try."""
 
     route: str
     record: OfficialRecord | None
@@ -108,11 +108,11 @@ def drive_route(
 ) -> DrivenRoute:
     """Drive a route until it has a score, at most `setup.tries` times, or until `stop` is set.
 
-    A route that has one already is not driven; without `reuse` it is, and what was there is replaced by its new score.
-    Where another command drives it, wait for what comes of that.
+    With `reuse`, a route that has a score already is not driven; without, its new score replaces the old one. If
+    another command drives the route, wait for that command's result.
 
-    Raises `UsageError` when the evaluator cannot be started like this at all, and when the agent cannot be given what
-    fails.
+    Raises `UsageError` when the evaluator cannot be started with this setup at all, and when the injection does not
+    reach the agent.
     """
     finished = read_finished(run_folder, route, setup.setting) if reuse else None
     if finished is not None:
@@ -121,7 +121,7 @@ def drive_route(
     if claim is None:
         return DrivenRoute(route, None, (), {}, 0.0)
     with claim:
-        # by the one who had the claim until now
+        # the former holder of the claim may have finished the route
         finished = read_finished(run_folder, route, setup.setting) if reuse else None
         return finished or _drive(setup, route, run_folder, slot=slot, stop=stop)
 
@@ -156,7 +156,7 @@ def _drive(
 
 
 def read_finished(run_folder: RunFolder, route: str, setting: Setting) -> DrivenRoute | None:
-    """Return what an earlier run left of a route, if it is scored. Raises `UsageError` for a damaged file."""
+    """Return an earlier run's result of a route, None if there is none. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
         return None
@@ -175,7 +175,7 @@ def _digest(path: Path) -> str:
 
 
 def _stamp(path: Path) -> str:
-    """Return size and time of a file, or of all files in a folder: weights are too large to be read each time."""
+    """Return size and time of a file, or of all files in a folder: weights are too large to read each time."""
     try:
         if path.is_dir():
             files = sorted(file for file in path.rglob("*") if file.is_file() and "__pycache__" not in file.parts)
@@ -187,7 +187,7 @@ def _stamp(path: Path) -> str:
 
 
 def _asked_environment(setup: EvaluatorSetup) -> dict[str, str]:
-    """Return the variables of ours that the agent gets and may read, those excepted that the evaluator is given."""
+    """Return our environment variables that the agent may read, without those that we set for the evaluator."""
     given = {*setup.checkout.environment({}), *_own_variables(setup, Path(), RunFolder(Path()))}
     asked = (asked_variables(setup.agent) | {PLANNER_TYPE}) - given
     return {name: os.environ.get(name, "") for name in sorted(asked)}
@@ -206,7 +206,7 @@ def _once(
         return attempt(
             _command(setup, route, work, port=port, traffic_port=traffic_port),
             environment={**setup.checkout.environment(os.environ), **_own_variables(setup, work, run_folder)},
-            folder=setup.checkout.root,  # the evaluator reads files by their place in the checkout
+            folder=setup.checkout.root,  # the evaluator reads files by paths relative to the checkout
             log=log,
             patience=setup.patience,
             stop=stop,
@@ -251,8 +251,8 @@ def _own_variables(setup: EvaluatorSetup, work: Path, run_folder: RunFolder) -> 
 def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
     """Return the value of `PDR_SETTING`, which `inject.py` reads in another Python.
 
-    `log` is where the injected schedule is written, `""` for nowhere. Raises `PerturbationError` for a perturbation
-    that did not come with this package: its code is not known there.
+    `log` is the file for the injected schedule, `""` for none. Raises `PerturbationError` for a perturbation that is
+    not part of this package: the other Python does not know its code.
     """
     names = {cls: name for name, cls in BUILTIN.items()}
     foreign = [item for item in setting.perturbations if type(item) not in names]
@@ -267,14 +267,14 @@ def setting_as_json(setting: Setting, *, seed: int, log: str = "") -> str:
 
 
 def _record_in(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | None, str]:
-    """Return the record if it is about the agent, else why there is none."""
+    """Return the record and an empty text, or None and why there is no record that tells about the agent."""
     told = ended.trouble or f"the evaluator ended with exit code {ended.code}"
     if not path.is_file() or path.stat().st_size == 0:
         return None, f"{told} and wrote no result"
     try:
         records = [record for record in read_results(path).records if record.route == route]
     except UsageError as error:
-        return None, f"{told}: {str(error).replace(shown(path), 'its result')}"  # which is removed
+        return None, f"{told}: {str(error).replace(shown(path), 'its result')}"  # that file is removed
     if len(records) != 1:
         return None, f"{told} with {len(records)} records of the route, expected one"
     (record,) = records
@@ -284,9 +284,9 @@ def _record_in(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord |
 
 
 def _excuse(record: OfficialRecord, ended: Attempt, log: Path) -> str:
-    """Return why an end as an error of the agent says nothing about the agent; empty where it does.
+    """Return why an agent error says nothing about the agent; empty where it does.
 
-    It asked a dead server, or raised because the machine had no more of what another one may have.
+    The agent called a dead server, or the machine ran out of memory, disk, files or threads.
     """
     if STATUSES[record.status][0] is not Outcome.AGENT_ERROR:
         return ""
@@ -298,12 +298,12 @@ def _excuse(record: OfficialRecord, ended: Attempt, log: Path) -> str:
 
 
 def _keep(run_folder: RunFolder, route: str) -> None:
-    """Move the result last: a route with a result is a finished one."""
+    """Keep the files of a try. Move the result last: a route with a result counts as finished."""
     log = run_folder.work(route) / _INJECTED_LOG
     if log.is_file():
         os.replace(log, run_folder.injected(route))
     else:
-        run_folder.injected(route).unlink(missing_ok=True)  # of the result that is replaced
+        run_folder.injected(route).unlink(missing_ok=True)  # the log of the result that is replaced
     os.replace(run_folder.work(route) / "result.json", run_folder.result(route))
 
 
@@ -317,13 +317,13 @@ def _injected(path: Path) -> Mapping[str, object]:
 
 
 def _was_injected(setting: Setting, record: OfficialRecord, injected: Mapping[str, object]) -> bool:
-    """Return True when the agent was given what fails, or broke, which it may have done before its first tick."""
+    """Return True if the setting is clean, or it reached the agent, or the agent broke, perhaps before a first tick."""
     broke = STATUSES[record.status][0] is Outcome.AGENT_ERROR
     return setting.is_clean or broke or bool(injected.get("injected_ticks"))
 
 
 def _refuse_unreached(setting: Setting, injected: Mapping[str, object]) -> None:
-    """Raise `UsageError` where the agent drove past the injection: another try would end the same."""
+    """Raise `UsageError` if the agent drove without the injection: another try would end the same."""
     if injected.get("ticks"):
         raise UsageError(
             f"the agent drove {injected['ticks']} ticks and read no sensors through the evaluator's SensorInterface: "
@@ -333,7 +333,7 @@ def _refuse_unreached(setting: Setting, injected: Mapping[str, object]) -> None:
 
 
 def _refuse_hopeless(ended: Attempt, log: Path) -> None:
-    """Raise `UsageError` where another try would end the same."""
+    """Raise `UsageError` if the evaluator was refused or could not start: another try would end the same."""
     lines = [line.strip() for line in log.read_text(encoding="utf-8", errors="replace").splitlines() if line.strip()]
     last = lines[-1] if lines else ""
     if ended.code == _REFUSED:

@@ -41,7 +41,7 @@ AGENT_PREFIX = "leaderboard:"
 def read_agent(name: str, root: Path) -> tuple[Path, str]:
     """Split `leaderboard:FILE.py+CONFIG` into the absolute path of the file and the text for the agent's `setup`.
 
-    Files that it names become absolute, but for those of the checkout in `root`: the evaluator runs there.
+    Files that CONFIG names become absolute, except files of the checkout in `root`, where the evaluator runs.
 
     Raises `UsageError`: only official agents drive in the official evaluator, and only with files that are there.
     """
@@ -57,9 +57,9 @@ def read_agent(name: str, root: Path) -> tuple[Path, str]:
 
 
 def _absolute(part: str) -> str:
-    """Return the absolute path where there is one, links in it left as they are.
+    """Return the absolute path of an existing file or folder, links not resolved; return other text unchanged.
 
-    Raises `UsageError` for one that agents would take apart.
+    Raises `UsageError` for a path with a `+`, at which agents would split it.
     """
     path = Path(part).expanduser()
     if not part or not path.exists():
@@ -76,10 +76,10 @@ def _absolute(part: str) -> str:
 class Bench2DriveExecutor(Executor):
     """Drives `slots` episodes at a time, each in an evaluator and server of its own.
 
-    `routes` is the route file in the evaluator's schema that all requests are of. What evaluators write goes below
-    `folder`, and episodes that are finished there are not driven again; with `fresh`, only those of this executor count
-    as finished. `hidden`: `folder` is kept out of git. The GPUs (default: those of `CUDA_VISIBLE_DEVICES`, else GPU 0)
-    are used in turn, one for each slot. `tries` and `patience` are those of each `EvaluatorSetup`.
+    `routes` is the route file of all requests, in the evaluator's schema. Evaluators write below `folder`; an episode
+    that is finished there is not driven again. With `fresh`, only episodes of this executor count as finished.
+    `hidden`: keep `folder` out of git. The slots use the GPUs in turn (default: those of `CUDA_VISIBLE_DEVICES`, else
+    GPU 0). `tries` and `patience` are those of each `EvaluatorSetup`.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Bench2DriveExecutor(Executor):
 
     @property
     def slots(self) -> int:
-        """How many evaluators drive side by side."""
+        """The number of evaluators that drive at the same time."""
         return self._slots
 
     @cached_property
@@ -125,7 +125,7 @@ class Bench2DriveExecutor(Executor):
         return load_routes(self._routes)
 
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Raise `UsageError` for a request whose agent, route or setting the evaluator cannot have."""
+        """Raise `UsageError` for a request whose agent, route or setting the evaluator cannot drive."""
         for request in requests:
             agent, _ = read_agent(request.episode.agent, self._checkout.root)
             require_planner_type(agent)
@@ -139,7 +139,7 @@ class Bench2DriveExecutor(Executor):
         return self._pool.submit(self._drive, request)
 
     def finished(self, request: EpisodeRequest) -> EpisodeResult | None:
-        """Return what an earlier command drove, or None where it must be driven. Raises `UsageError` for damage."""
+        """Return the result of an earlier command, or None without one. Raises `UsageError` for a damaged file."""
         run_folder = self.run_folder(request)
         if not self._reuses(run_folder, request):
             return None
@@ -147,7 +147,7 @@ class Bench2DriveExecutor(Executor):
         return None if driven is None else self._result(driven, request, run_folder)
 
     def run_folder(self, request: EpisodeRequest) -> RunFolder:
-        """Return the folder for everything that decides the results alike: what is in it is of the same kind."""
+        """Return the folder for all requests that agree in everything that decides results, except the route."""
         setup = self._setup(request)
         parts = (*setup.identity.values(), request.identity)
         digest = hashlib.blake2b("\0".join(parts).encode("utf-8", "surrogatepass"), digest_size=6).hexdigest()
@@ -222,7 +222,7 @@ class Bench2DriveExecutor(Executor):
 
 
 def _kind(request: EpisodeRequest) -> tuple[object, ...]:
-    """Return what requests have in common whose results go to one folder, as long as no file changes."""
+    """Return the key of requests whose results go to the same folder, as long as no file changes."""
     episode = request.episode
     return episode.agent, episode.setting, episode.seed, request.identity
 
@@ -249,7 +249,7 @@ def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunF
 
 
 def _reception(told: Any) -> Reception | None:
-    """Return what the injection noted, None where nothing tells."""
+    """Return the reception that the injection logged, None without a log."""
     if told is None:
         return None
     touched = tuple(Touch(**touch) for touch in told["touched"])

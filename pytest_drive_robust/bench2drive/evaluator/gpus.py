@@ -1,4 +1,4 @@
-"""Which GPUs evaluators and their servers use where nobody named any."""
+"""The default GPUs of evaluators and their servers."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Starts one command and outlives it until nothing that it started is left. Standard library only; run as a script.
+"""Run one command and kill every process that it has started. Standard library only; run as a script.
 
-An evaluator starts its server in a session of its own, so no process group reaches both: what belongs to the command is
-known by a mark in its environment, which every process inherits. All of it is killed when the command is over, or when
-our standard input ends, which it does when whoever started us closes it or dies.
+An evaluator starts its server in a session of its own, so no process group reaches both. Therefore a mark in the
+environment, which every process inherits, tells which processes belong to the command. They are killed when the command
+is over, or when our standard input ends because our parent process closes it or dies.
 
     PDR_ATTEMPT=MARK python guard.py COMMAND [ARGUMENTS]
 """
@@ -24,9 +24,9 @@ _POLL_S = 0.1
 
 
 def main(command: list[str]) -> int:
-    """Run the command. Returns its exit code, 128 + n when signal n ended it."""
+    """Run the command and return its exit code, 128 + n when signal n ended the command."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, lambda *_: None)  # our end is the end of our input
+        signal.signal(number, lambda *_: None)  # only the end of our input ends us
     child = subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
     while child.poll() is None:
         readable, _, _ = select.select([0], [], [], _POLL_S)
@@ -34,13 +34,13 @@ def main(command: list[str]) -> int:
             child.kill()
             child.wait()
     with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(child.pid, signal.SIGKILL)  # also those that wrote over their environment
+        os.killpg(child.pid, signal.SIGKILL)  # also processes that have overwritten their environment
     kill_marked(os.environ[MARK])
     return child.returncode if child.returncode >= 0 else 128 - child.returncode
 
 
 def kill_marked(mark: str) -> None:
-    """Kill all others with the mark again and again: one that is killed may just have started another one."""
+    """Kill all other processes with the mark, repeatedly: a killed process may just have started another one."""
     until_s = time.monotonic() + _LONGEST_S
     while (left := [pid for pid in marked(mark) if pid != os.getpid()]) and time.monotonic() < until_s:
         for pid in left:
@@ -50,7 +50,7 @@ def kill_marked(mark: str) -> None:
 
 
 def marked(mark: str) -> list[int]:
-    """Return the processes that inherited the mark, dead ones excepted."""
+    """Return the ids of the living processes that inherited the mark."""
     if not os.path.isdir("/proc"):
         return []
     sign = f"{MARK}={mark}".encode()
@@ -60,7 +60,7 @@ def marked(mark: str) -> list[int]:
 
 
 def read_process(pid: int, name: str) -> bytes:
-    """Return what Linux tells of a process in this file; nothing when it is gone."""
+    """Return the content of `/proc/PID/NAME`, empty when the process is gone."""
     try:
         return Path(f"/proc/{pid}/{name}").read_bytes()
     except OSError:

@@ -10,10 +10,10 @@ it wraps two methods of the checkout that is on the path, then runs the evaluato
 * `AgentWrapper.__call__`: while a latency keeps the agent's computer busy the agent is not called, and the command that
   is due reaches the vehicle.
 
-`ScenarioManager.load_scenario` tells which route begins: everything is seeded and cleared there. This file only finds
-the package that it belongs to, in a Python that is older than the one that the package is written for; the work is done
-in `injection/`. What perturbs is the package's own `perturbations`, so the same images and measurements come out the
-same to the last bit as in the embedded simulator.
+`ScenarioManager.load_scenario` tells which route begins; seeds and state are set there. This file only finds its own
+package, in a Python that is older than the package is written for; `injection/` does the work. The package's own
+`perturbations` change the signals, so equal images and measurements are perturbed to the same bits as in the embedded
+simulator.
 
 =================== ==================================================================================================
 variable            meaning
@@ -27,8 +27,8 @@ variable            meaning
 Without `PDR_SETTING` the variables of the paper's released code decide (`ROBUSTNESS_ENABLE`, `GPS_NOISE_STD`, ...), and
 `ROBUSTNESS_SEED` is the seed. A repetition of a route adds its number to the seed.
 
-Frame numbers stay those of the tick, also on a stale image. What goes wrong here ends a route as "Simulation crashed":
-it is never counted against the agent.
+Frame numbers stay those of the tick, also on a stale image. An error of the injection ends a route as "Simulation
+crashed": it is never counted against the agent.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ REFUSED = 78
 
 @contextmanager
 def _like_later_pythons() -> Iterator[None]:
-    """Let our modules be imported: what older versions lack is memory of dataclasses and names for type checkers."""
+    """Let old Pythons import our modules: they lack `slots` of dataclasses and some names for type checkers."""
     own = vars(typing).copy(), dataclasses.dataclass
 
     def dataclass(cls: Any = None, *, slots: bool = False, **options: Any) -> Any:
@@ -74,7 +74,7 @@ def _like_later_pythons() -> Iterator[None]:
 
 
 def _import_ours(*names: str) -> Any:
-    """Return modules of `injection`, of the package that this file lies in, whatever else is installed."""
+    """Return modules of `injection` from the package of this file, even if another version is installed."""
     folder = Path(__file__).resolve().parents[2]
     package = folder.name
     if package not in sys.modules:
@@ -97,7 +97,7 @@ def main(arguments: list[str]) -> None:
         sys.exit(REFUSED)
     evaluator = os.path.abspath(arguments[0])
     sys.argv = [evaluator, *list(arguments[1:])]
-    sys.path[0] = os.path.dirname(evaluator)  # as if it had been started itself; our own folder has nothing for it
+    sys.path[0] = os.path.dirname(evaluator)  # as if it had been started itself; our folder has no modules for it
     try:
         seams.install()
     except plan.SettingRefusedError as error:

@@ -1,4 +1,4 @@
-"""Which ports servers take: CARLA three in a row, its traffic manager one, a slot the first free ones of its own."""
+"""The ports of servers: CARLA takes three in a row, its traffic manager one; each slot has a range of its own."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from pytest_drive_robust.errors import UsageError
 
 DEFAULT_PORT = 2000
 TRAFFIC_OFFSET = 6000
-"""How much higher the ports of traffic managers are."""
+"""Added to the port of a server for the port of its traffic manager."""
 PORTS_PER_SLOT = 150
 _LAST_PORT = 65535
 _HOST = "localhost"
 
 
 def check_ports(port: int, *, slots: int = 1) -> None:
-    """Raise `UsageError` where so many slots from `port` on need ports that there are not."""
+    """Raise `UsageError` if `slots` slots from `port` on need ports outside of 1..65535."""
     last = port + TRAFFIC_OFFSET + slots * PORTS_PER_SLOT - 1
     if port < 1 or last > _LAST_PORT:
         raise UsageError(
@@ -28,10 +28,10 @@ def check_ports(port: int, *, slots: int = 1) -> None:
 
 @contextmanager
 def held_ports(first: int) -> Iterator[int]:
-    """Give the first of three free ports in a row, which CARLA takes; the evaluator itself looks at one.
+    """Give the first of three free ports in a row for CARLA; the evaluator itself checks only one port.
 
-    A server listens only after many seconds. Until we are done the next port, the fourth, is bound by us: for whoever
-    looks for ports like this, on this machine, the three are taken.
+    A server listens only after many seconds. So we keep the fourth port bound within this context: other commands that
+    look for ports with this function then see the three ports as taken. Raises `UsageError` if no ports are free.
     """
     for port in range(first, first + PORTS_PER_SLOT - 3, 4):
         with socket.socket() as held:

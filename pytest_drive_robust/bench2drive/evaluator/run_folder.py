@@ -1,4 +1,4 @@
-"""Where the files of routes go that are driven alike, and who may write those of a route."""
+"""The folder for routes that are driven with the same setup, and the right to write the files of a route."""
 
 from __future__ import annotations
 
@@ -15,33 +15,33 @@ _POLL_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """Where the files of a route go, below `folder`. What is finished is in `results`, one file for each route."""
+    """The paths of the files of a route, below `folder`. Finished routes are in `results`, one file each."""
 
     folder: Path
 
     @property
     def results(self) -> Path:
-        """Official result files, and beside them what agents save: what `drive-robust score` takes."""
+        """The folder of official result files and of files that agents save: an input of `drive-robust score`."""
         return self.folder / "results"
 
     def result(self, route: str) -> Path:
-        """Return the official result file of a route; there only when it is scored."""
+        """Return the path of a route's official result file, which exists only when the route is scored."""
         return self.results / f"{route}.json"
 
     def injected(self, route: str) -> Path:
-        """Return one line of JSON: what was injected."""
+        """Return the path of the log of the injection, one line of JSON."""
         return self.folder / "injected" / f"{route}.jsonl"
 
     def log(self, route: str, number: int) -> Path:
-        """Return what the evaluator said in try `number`."""
+        """Return the path of the evaluator's output in try `number`."""
         return self.folder / "logs" / f"{route}.{number}.log"
 
     def work(self, route: str) -> Path:
-        """Return what a try writes before it is known to be a result."""
+        """Return the folder for the files of a running try."""
         return self.folder / "work" / route
 
     def claim(self, name: str, stop: threading.Event) -> Claim | None:
-        """Wait until no other command and no other slot writes what belongs to a route; None once `stop` is set."""
+        """Wait until no other command or slot writes a route's files; return the claim, None once `stop` is set."""
         while not stop.is_set():
             claim = Claims(self.folder / "work").attempt(name)
             if claim is not None:
@@ -50,7 +50,7 @@ class RunFolder:
         return None
 
     def plan(self, routes: Iterable[str], stop: threading.Event) -> None:
-        """Note that these routes are to be driven: results without them are not whole."""
+        """Note that these routes are to be driven: results without one of them are incomplete."""
         claim = self.claim("planned", stop)
         if claim is not None:
             with claim:

@@ -1,9 +1,9 @@
-"""What the official ability tool asks a map for, made up so that it answers what our simulator saw.
+"""Made-up maps and routes for the official ability tool, which make it count what our simulator saw.
 
-The tool wants to know where the first junction of a route is, on a route file and on the OpenDRIVE maps of a CARLA
-installation. Towns of the embedded simulator have no such map. So an exported route whose car came safely through its
-first junction is written as a straight road with a junction at its start, every other one with a junction at its end:
-the tool then counts the same routes as we do. The files are for that tool only: nothing can be driven on them.
+The tool looks up the first junction of a route, from a route file and the OpenDRIVE maps of a CARLA installation. Towns
+of the embedded simulator have no such map. So an exported route whose car came safely through its first junction is
+written as a straight road with a junction at the start, every other route with a junction at the end: the tool then
+counts the same routes as we do. The files are for that tool only: nothing can be driven on them.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.truth import Lane, LaneKind, LaneMap
 
 MAPS_FOLDER = ("CarlaUE4", "Content", "Carla", "Maps", "OpenDrive")
-"""Below CARLA_ROOT."""
+"""The folder of the maps below CARLA_ROOT."""
 _LENGTH_M = 1000.0
 _JUNCTION_M = 4.0
 _ASIDE_M = 1.75
@@ -30,7 +30,7 @@ TOWNS: Mapping[str, float] = {"JunctionAtStart": 4.0, "JunctionAtEnd": _LENGTH_M
 
 
 def routes_text(results: Iterable[EpisodeResult]) -> str:
-    """Return the route file to give to the tool with `-f`."""
+    """Return the text of the route file for the tool's option `-f`."""
     root = ElementTree.Element("routes")
     start, end = TOWNS
     for result in results:

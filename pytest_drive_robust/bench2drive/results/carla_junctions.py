@@ -1,6 +1,6 @@
-"""Where the first junction of a route is, by the maps and the route planner of the user's own CARLA.
+"""Find the first junction of a route, with the maps and the route planner of the user's own CARLA.
 
-Needed for one rule of the official ability tool only (Bench2Drive `tools/ability_benchmark.py`): a failed route counts
+Only one rule of the official ability tool (Bench2Drive `tools/ability_benchmark.py`) needs this: a failed route counts
 for Traffic_Signs when the car came 8 waypoints beyond the first junction. The `carla` package and CARLA's
 `PythonAPI/carla/agents` must be importable, as for the official tool; no server is needed.
 """
@@ -23,10 +23,10 @@ _STEP_M = 1.0
 
 
 def junction_shares(routes: Iterable[Route], carla_root: Path) -> dict[str, float]:
-    """Return for each route its share (0..1, above 1 too) after which its first junction is passed.
+    """Return the share of each route (0..1, or above 1) after which its first junction is passed, by route id.
 
-    Raises `UsageError` when CARLA's packages or a town's map are not there, or a route has no junction: the official
-    tool stops there too.
+    Raises `UsageError` when CARLA's packages or a town's map are not there, or when a route has no junction: the
+    official tool stops there, too.
     """
     carla, planner_module = _package("carla"), _package("agents.navigation.global_route_planner")
     planners: dict[str, Any] = {}
@@ -39,7 +39,7 @@ def junction_shares(routes: Iterable[Route], carla_root: Path) -> dict[str, floa
 
 
 def _package(name: str) -> Any:
-    """Import by name, because nothing else in this package needs CARLA."""
+    """Import a module by name, because no other module here needs CARLA. Raises `UsageError` when it is not there."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""From official records to episodes, so that everything that reads episodes reads results from elsewhere too."""
+"""Turn official records into episodes, so that all code for episodes also works on official results."""
 
 from __future__ import annotations
 
@@ -28,22 +28,23 @@ from pytest_drive_robust.store.episode_fields import NO_TICKS, result_of
 from pytest_drive_robust.store.record_files import read_episode
 
 EPISODE_FILE = "drive_robust.episode"
-"""Beside the log of a route: the whole episode of our exports, every tick of it."""
+"""The file beside a route's log in our exports that holds the whole episode with every tick."""
 _LANES = InfractionKind.OUTSIDE_LANES.value
 _SHARE_TOLERANCE_PCT = 0.0051
-"""The sentences give the share with two digits."""
+"""Tolerance of a share of the route, because the sentences give two digits."""
 _SCORE_TOLERANCE = 2e-6
 _VERSIONS = {"bench2drive": "results"}
-"""Official records do not say what they were driven with; two sets of them compare."""
+"""The versions of an official record, which tells none; so two sets of official records may be compared."""
 
 
 def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Sequence[Path] = ()) -> EpisodeResult:
-    """Return the episode of a record; its repetition is the seed. `folders` are where logs of motion may be.
+    """Return the episode of a record, whose repetition is the seed. `folders` may hold the logs of motion.
 
-    Of records of others ticks of events are 0, which stands for unknown (`verdict.explain.infraction_s`), controls and
-    progress in the trace are 0 (it is empty without a log of every tick), and `junction_passed` is False, which
-    `metrics.ability` takes for unknown. Of our exports nothing is lost; `agent` and `setting` must be those of the
-    export. Raises `UsageError` for a record whose score does not follow from its infractions, or that was edited.
+    A record of the official evaluator lacks some facts. The ticks of its infractions are 0, which stands for unknown
+    (`verdict.explain.infraction_s`). Controls and progress in the trace are 0, and the trace is empty without a log of
+    every tick. `junction_passed` is False, which `metrics.ability` takes for unknown. A record of our exports loses
+    nothing; `agent` and `setting` must be those of the export. Raises `UsageError` for a record whose score does not
+    follow from its infractions, or that was edited.
     """
     if record.own is not None:
         return _own(record, record.own, agent=agent, setting=setting, folders=folders)
@@ -67,7 +68,7 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
 
 
 def episode_from_fields(fields: Mapping[str, Any], trace: Trace = NO_TICKS, *, where: str) -> EpisodeResult:
-    """Return what an export or a `--drive-json` file keeps of an episode. Raises `UsageError` for damaged fields."""
+    """Return the episode from the fields of an export or a `--drive-json` file. Raises `UsageError` for bad fields."""
     try:
         return result_of(fields, trace)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
@@ -77,7 +78,7 @@ def episode_from_fields(fields: Mapping[str, Any], trace: Trace = NO_TICKS, *, w
 
 
 def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
-    """Return the infractions. A record with something in an unknown list, a failure officially, is refused."""
+    """Return the infractions. Raises `UsageError` for a message in an unknown list, which officially is a failure."""
     unknown = [name for name, messages in record.infractions.items() if messages and name not in LISTS]
     if unknown:
         raise UsageError(f"{record.where} has infractions of a kind that is not known: {unknown[0]!a}.")
@@ -101,7 +102,7 @@ def _infractions(record: OfficialRecord) -> tuple[Infraction, ...]:
 def _own(
     record: OfficialRecord, fields: Mapping[str, Any], *, agent: str, setting: str, folders: Sequence[Path]
 ) -> EpisodeResult:
-    """Return what the export kept, when the official part still says the same."""
+    """Return the episode that the export kept. Raises `UsageError` if the official part does not agree with it."""
     where = f"{record.where}: what the export kept"
     told = episode_from_fields(fields, where=where)
     for name, given, wanted in (("agent", told.episode.agent, agent), ("setting", told.episode.setting, setting)):
@@ -117,7 +118,7 @@ def _own(
 
 
 def _require_same(record: OfficialRecord, result: EpisodeResult) -> None:
-    """Raise `UsageError` when the official part was changed after the export: which of the two is true?"""
+    """Raise `UsageError` if the official part was edited after the export, because either part may be true."""
     written = record_of(result, index=0, town="", stamp="")
     scores = record.route_pct, record.score
     same = (
@@ -147,9 +148,9 @@ def _stored(record: OfficialRecord, folders: Sequence[Path]) -> EpisodeResult | 
 
 
 def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
-    """Return the share of each sentence about lanes: as it says, but of the last one what makes the score come out.
+    """Return the share of the route outside its lanes of each sentence, 0..100, the last one exact from the score.
 
-    None when the score does not follow from the infractions.
+    Return None when the score does not follow from the infractions.
     """
     told = [outside_lanes_pct(message) for message in record.infractions[_LANES]]
     if None in told:
@@ -163,7 +164,7 @@ def lane_shares_pct(record: OfficialRecord) -> tuple[float, ...] | None:
         expected = rest * (1.0 - shares[-1] / 100.0) if shares else rest
         return tuple(shares) if abs(record.score - expected) <= _SCORE_TOLERANCE else None
     last = 100.0 * (1.0 - record.score / rest)
-    # A small score tells the share only roughly: its sixth digit is what it was rounded to.
+    # A small score tells the share only roughly, because the score is rounded to six digits.
     tolerance = _SHARE_TOLERANCE_PCT * max(len(shares), 1) + 100.0 * _SCORE_TOLERANCE / rest
     if abs(last - shares[-1]) > tolerance:
         return None

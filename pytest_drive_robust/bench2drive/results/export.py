@@ -1,4 +1,4 @@
-"""A run in the official schema: `results.json` and one `metric_info.json` per route, in a folder for each result set.
+"""Write a run in the official schema: `results.json` and a `metric_info.json` per route, a folder per result set.
 
 The official tools run on each of these folders: `merge_route_json.py -f FOLDER`, then
 `efficiency_smoothness_benchmark.py -f FOLDER/merged.json -m FOLDER`, and with `CARLA_ROOT=DIR/carla`
@@ -28,14 +28,14 @@ from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.store.whole_file import write_whole
 
 CARLA_FOLDER = "carla"
-"""What the official ability tool takes for the CARLA installation."""
+"""The folder that the official ability tool takes as the CARLA installation."""
 _UNKNOWN_TOWN = "Unknown"
 _NO_TIME = "01_01_00_00_00"
 
 
 @dataclass(frozen=True, slots=True)
 class Exported:
-    """One written folder: `logs` of its `records` have a `metric_info.json`, `broken` ended as `infra_error`."""
+    """One written folder: `logs` of its `records` have a `metric_info.json`, `broken` of them are `infra_error`."""
 
     folder: Path
     agent: str
@@ -89,7 +89,7 @@ def _require_free(folder: Path) -> None:
 
 
 def _episode(fields: object, find: Find, *, where: str) -> EpisodeResult:
-    """Return the stored episode where there is one with the same ticks, else what the document tells."""
+    """Return the stored episode if its trace is the same, else the episode of the document, without ticks."""
     if not isinstance(fields, dict):
         raise UsageError(f"{where} is damaged: expected an object.")
     told = episode_from_fields(fields, where=where)
@@ -137,7 +137,7 @@ def _write(folder: Path, results: list[EpisodeResult], towns: Mapping[str, str],
 
 
 def _folder_names(keys: list[tuple[str, str, int]]) -> dict[tuple[str, str, int], tuple[str, str, str]]:
-    """Return `agent/setting/seed0`, with a number where two would be written alike."""
+    """Return the folder of each key as (agent, setting, seed), with a number where two names would be the same."""
     taken: set[tuple[str, str, str]] = set()
     names = {}
     for agent, setting, seed in keys:
@@ -157,7 +157,7 @@ def _file_name(text: str) -> str:
 
 
 def _stamp(document: Mapping[str, Any]) -> str:
-    """Return when the run was stored, as the evaluator writes it; a plain JSON file does not say."""
+    """Return the time at which the run was stored, as the evaluator writes times; a fixed text without a time."""
     stored = document.get("stored")
     date = stored.get("date") if isinstance(stored, dict) else None
     try:

@@ -1,4 +1,4 @@
-"""What each test judges when none of our worlds is driven: the official evaluator drives, or has driven before."""
+"""The scopes of tests that none of our simulators drives: the official evaluator drives, or has driven before."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Identified
 
-if TYPE_CHECKING:  # it needs fcntl, and results are read on systems without it, too
+if TYPE_CHECKING:  # this module needs fcntl, and results are also read on systems without fcntl
     from pytest_drive_robust.bench2drive.evaluator.executor import Bench2DriveExecutor
 
 
 class ExternalScopes(Scopes):
-    """As `Scopes`, over the routes of an executor that has routes of its own (`supply`).
+    """Scopes over the routes of an executor that has routes of its own (`supply`).
 
-    Agents are only names here; none is loaded and no world is built.
+    Agents are only names: no agent is loaded and no world is built.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class ExternalScopes(Scopes):
         return TICK_S
 
     def versions_of(self, agent: str) -> Mapping[str, str]:
-        """Return nothing: only the episodes tell what drove them."""
+        """Return no versions: only the episodes tell with which versions they were driven."""
         return {}
 
     def of(self, marker: MarkerOptions) -> Scope:
@@ -54,7 +54,7 @@ class ExternalScopes(Scopes):
         return Scope(agent, spec, self.routes(spec), seeds, own)
 
     def routes(self, spec: str) -> tuple[Route, ...]:
-        """Return all routes, some of them by id, or those of a route file. Raises `UsageError`."""
+        """Return all routes of the supply, some of them by id, or those of a route file. Raises `UsageError`."""
         if spec == self._options.simulator:
             return self._supply.routes
         try:
@@ -68,15 +68,15 @@ class ExternalScopes(Scopes):
                 raise unknown from None
 
     def identify(self, scope: Scope) -> Identified:
-        """Return what is known about an agent that drove elsewhere: its routes."""
+        """Return the identity of an agent that drives outside of this process: only its routes are known."""
         routes = tuple(f"{route.id}={route_digest(route)}" for route in scope.routes)
         return Identified(agent=scope.agent, distribution=self._options.simulator, source="", weights="", routes=routes)
 
     def check(self, marked: MarkerOptions | None = None) -> None:
-        """Look at nothing: the supply was checked when it was made."""
+        """Do nothing: the supply was checked when it was made."""
 
     def check_requests(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Raise one `UsageError` that names everything that the supply cannot answer."""
+        """Raise one `UsageError` that names every request that the supply cannot answer."""
         self._supply.check(requests)
 
     def _named(self, names: Sequence[str]) -> tuple[Route, ...]:
@@ -88,7 +88,7 @@ class ExternalScopes(Scopes):
 
 
 class ResultsScopes(ExternalScopes):
-    """Over results that are there already. Where nobody names routes, an evaluation that has not ended is refused."""
+    """Scopes over existing results. Without named routes, an evaluation that has not ended raises `UsageError`."""
 
     def __init__(
         self,
@@ -109,14 +109,14 @@ class ResultsScopes(ExternalScopes):
         return scope
 
     def routes(self, spec: str) -> tuple[Route, ...]:
-        """Return routes as `ExternalScopes` does, all of them only where every evaluation has ended."""
+        """Return routes as `ExternalScopes` does. Raises `UsageError` for all routes of an unfinished evaluation."""
         if spec == self._options.simulator:
             self._results.require_finished()
             self._takes_all = True
         return super().routes(spec)
 
     def advice(self) -> list[str]:
-        """Return which records no test judges, because seeds were given, and of what nobody knows whether it is all."""
+        """Return sentences about records of other seeds than the given ones, and about results without a plan."""
         left_out = self._results.left_out(self._seeds) if self._seeds else ""
         unplanned = self._results.unplanned() if self._takes_all else ()
         return [sentence for sentence in (left_out, *unplanned) if sentence]

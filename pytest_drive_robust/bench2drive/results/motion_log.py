@@ -1,10 +1,10 @@
-"""`metric_info.json` of a route: the motion that an agent logged in each step, world frame of CARLA.
+"""Read and write `metric_info.json` of a route: the motion that an agent logs in each step, in CARLA's world frame.
 
 Bench2Drive `leaderboard/autoagents/autonomous_agent.py`, `get_metric_info`: y to the right of x, yaw clockwise;
 accelerations in m/s2, angular velocities in degrees per second, rotations as roll, pitch, yaw in degrees.
 
-It tells no time: a step is the number of a call of `run_step`. Under latency by hold, as in the released code, calls
-are several ticks apart; how many, the duration of the drive tells.
+The file has no times: a step is the number of a call of `run_step`. Under a latency with `mode=hold`, as in the
+released code, calls are several ticks apart; the duration of the drive tells how many.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pytest_drive_robust.store.episode_fields import NO_TICKS
 
 FILE_NAME = "metric_info.json"
 LONGEST_S = 1e9
-"""Records may tell any duration: of a longer one no ticks are counted."""
+"""Longest duration in seconds that is turned into ticks: a record may tell any duration."""
 TICK_S = 0.05
 """Seconds per tick of the official evaluator (Bench2Drive `leaderboard/leaderboard_evaluator.py`, `frame_rate`)."""
 _VECTORS = ("acceleration", "angular_velocity", "forward_vector", "right_vector", "location", "rotation")
@@ -38,9 +38,9 @@ def _first_log(folders: Sequence[Path], record: OfficialRecord) -> Path | None:
 
 
 def find_log(folder: Path, save_name: str) -> Path | None:
-    """Return the log of a record, or None without one.
+    """Return the path of a record's log, or None without a log.
 
-    It is in the folder of its name or in the only one whose name ends with it.
+    The log is in the folder `save_name`, or in the only folder whose name ends with `_` and `save_name`.
     """
     if not save_name or Path(save_name).name != save_name or "\0" in save_name or save_name in (".", ".."):
         return None
@@ -60,9 +60,9 @@ def find_log(folder: Path, save_name: str) -> Path | None:
 
 @dataclass(frozen=True, slots=True)
 class _Log:
-    """(samples, 18) numbers, the six vectors in a row, and the seconds between samples.
+    """The samples of a log, (samples, 18): the six vectors of a sample in a row. `dt_s` is the time between samples.
 
-    `as_written` are the lines as they come, which is how the official tool takes them; `in_order` goes by the steps.
+    `as_written` has the order of the file, as the official tool reads it; `in_order` is sorted by step.
     """
 
     as_written: Floats
@@ -71,7 +71,7 @@ class _Log:
 
 
 def _read_log(path: Path, record: OfficialRecord) -> _Log:
-    """Return the log of a record in a file. Raises `UsageError` for a damaged one."""
+    """Read the log of a record. Raises `UsageError` for a damaged file."""
     document = read_json(path)
     if not isinstance(document, dict):
         raise UsageError(f"{shown(path)} is not a log of motion: expected an object with one entry for each step.")
@@ -88,14 +88,14 @@ def _read_log(path: Path, record: OfficialRecord) -> _Log:
 
 
 def _ticks_per_call(calls: int, record: OfficialRecord) -> float:
-    """Return how many ticks lie between two calls of the agent: 1, or the mean where it was not asked in all ticks."""
+    """Return the ticks between two calls of the agent: 1, or the mean if the agent did not run in every tick."""
     ticks = min(record.game_s, LONGEST_S) / TICK_S
-    # Agents that are asked in every tick may lack a few: some begin later, some save every tenth.
+    # Logs of agents that run in every tick may lack a few ticks: some agents begin later, some save every tenth.
     return ticks / max(calls, 1) if ticks > 1.1 * calls else 1.0
 
 
 def _motion_from(rows: Floats, dt_s: float) -> Motion:
-    """Return the planar signals that comfort is made of, by the official projections."""
+    """Return the planar signals from which comfort is computed, by the official projections."""
     acceleration, forward, right, place = rows[:, 0:2], rows[:, 6:8], rows[:, 9:11], rows[:, 12:14]
     moved_m = np.hypot(*np.diff(place, axis=0).T) if len(rows) > 1 else np.zeros(0)
     return Motion(
@@ -109,15 +109,16 @@ def _motion_from(rows: Floats, dt_s: float) -> Motion:
 
 
 def logged_trace(record: OfficialRecord, folders: Sequence[Path]) -> Trace:
-    """Return as much of a trace as the log of a record tells: controls and progress are 0.
+    """Return the trace in the log of a record; controls and progress are 0.
 
-    It is empty without a log, and of a log that holds some ticks only: what reads a trace takes its rows for ticks.
+    The trace is empty without a log, and for a log that lacks ticks, because readers of a trace take each row for a
+    tick.
     """
     path = _first_log(folders, record)
     if path is None:
         return NO_TICKS
     log = _read_log(path, record)
-    if record.own is None and log.dt_s > TICK_S:  # our exports hold every tick, which is another one in other worlds
+    if record.own is None and log.dt_s > TICK_S:  # our exports hold every tick, whose length may differ from TICK_S
         return NO_TICKS
     rows = log.in_order
     motion = _motion_from(rows, log.dt_s)
@@ -138,11 +139,11 @@ class Comforts:
         self._motions: dict[Path, tuple[Motion, Motion]] = {}
 
     def value(self, record: OfficialRecord, mode: str) -> float | None:
-        """Return percent, None without a log or with too few samples. Raises `UsageError` for a damaged log."""
+        """Return the comfort in percent, None without a log or with too few samples. Raises `UsageError` if damaged."""
         return self.with_quirks(record, COMFORT_QUIRKS if mode == "bench2drive" else ())
 
     def with_quirks(self, record: OfficialRecord, quirks: tuple[str, ...]) -> float | None:
-        """Compute `value` with some of the quirks. With any of them the samples are taken as they come."""
+        """Return `value` with some of the quirks. With any quirk the samples are in the order of the file."""
         path = self.path(record)
         if path is None:
             return None
@@ -152,17 +153,17 @@ class Comforts:
         return comfort_of(self._motions[path][0 if quirks else 1], quirks)
 
     def path(self, record: OfficialRecord) -> Path | None:
-        """Return the log of a record."""
+        """Return the path of a record's log, or None without a log."""
         return _first_log(self._folders, record)
 
     def is_renamed(self, record: OfficialRecord) -> bool:
-        """Return True when the log is in a folder of another name, where the official tool does not look."""
+        """Return True when the log's folder is not called `save_name`, so that the official tool does not find it."""
         path = self.path(record)
         return path is not None and path.parent.name != record.save_name
 
 
 def log_text(trace: Trace) -> str:
-    """Return the log of a trace. The official tools get the planar signals back to the last bits of a double."""
+    """Return the text of a trace's log. The official tools get its planar signals back to the last bits of a double."""
     yaw = trace.column("yaw_rad")
     cos, sin, flat = np.cos(yaw), np.sin(yaw), np.zeros(len(yaw))
     forward, right = trace.column("forward_mps2"), trace.column("right_mps2")

@@ -1,4 +1,4 @@
-"""One route of an official result file, checked: what is not as the schema says is refused, never guessed.
+"""One route of an official result file, checked against the schema: a deviation is refused, never guessed.
 
 Schema: Bench2Drive `leaderboard/utils/statistics_manager.py`, `RouteRecord`.
 """
@@ -32,12 +32,12 @@ STATUSES: Mapping[str, tuple[Outcome, End]] = MappingProxyType(
         # Ended without a reason, or never ended: the evaluator was interrupted.
         "Failed": (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED),
         "Started": (Outcome.INFRA_ERROR, End.SIMULATION_CRASHED),
-        # Two that only our own exports have.
+        # Only our own exports have the next two.
         End.STUCK.value: (Outcome.FAILED, End.STUCK),
         End.ENVIRONMENT.value: (Outcome.FAILED, End.ENVIRONMENT),
     }
 )
-"""Every status that is understood, with whose doing it is."""
+"""Every known status, with its outcome and its end."""
 LISTS = tuple(kind.value for kind in InfractionKind)
 """The twelve lists of messages that every record has."""
 EXTENSION = "drive_robust"
@@ -52,7 +52,8 @@ class OfficialRecord:
     """`route` and `repetition` are the two parts of `route_id`; `route_pct` and `score` are 0..100.
 
     `scenario` is the type: the record's scenario name without its number. `game_s` and `wall_s` are at least 0.
-    `own` is what our export added, None for records of others. `where` says which record of which file, for messages.
+    `own` holds the fields that our export adds, None for other records. `where` names the record and its file in
+    messages.
     """
 
     where: str
@@ -73,13 +74,13 @@ class OfficialRecord:
 
     @property
     def is_success(self) -> bool:
-        """The official rule: completed, and no message but those about the speed, in whatever list."""
+        """True by the official rule: completed, and no message in any list but that about the speed."""
         clear = all(not messages for name, messages in self.infractions.items() if name != SPEED_LIST)
         return STATUSES[self.status][0] is Outcome.COMPLETED and clear
 
     @property
     def is_harness_error(self) -> bool:
-        """True when the record says nothing about the agent: never a score, except in the official totals."""
+        """True when the record says nothing about the agent: it has a score only in the official totals."""
         return STATUSES[self.status][0] is Outcome.INFRA_ERROR
 
 
@@ -144,7 +145,7 @@ def _text(fields: Mapping[str, Any], name: str, where: str) -> str:
 
 
 def _optional_text(fields: Mapping[str, Any], name: str, where: str) -> str:
-    """Return the text, empty for null, which a route that never began has there."""
+    """Return the text, empty for null, which a route has that never began. Raises `UsageError` for other values."""
     return "" if fields.get(name) is None else _text(fields, name, where)
 
 
@@ -161,31 +162,31 @@ def _duration_s(fields: Mapping[str, Any], name: str, where: str) -> float:
     return 0.0 if finite(fields.get(name)) == -1.0 else _number(fields, name, where)
 
 
-# The same language as the official `\b\d+\.?\d*%`, which takes quadratic time on long rows of digits.
+# Matches the same texts as the official `\b\d+\.?\d*%`, which takes quadratic time on long rows of digits.
 _OFFICIAL = re.compile(r"\b\d+(?:\.\d*)?%")
 _NUMBER = r"(?<![\w.+-])([-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)"
 _SPEED = re.compile(_NUMBER + "%")
 _LANES = re.compile(r"\((\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)% of the completed route\)")
 LARGEST_PCT = 1e18
-"""Traffic that creeps at a micrometre per hour; sums of such numbers are still numbers."""
+"""Largest speed in percent of the traffic's, for traffic at a micrometre per hour; sums of such values stay finite."""
 _PLACE = re.compile(r"\(x=(-?\d+(?:\.\d+)?), y=(-?\d+(?:\.\d+)?)(?:, z=-?\d+(?:\.\d+)?)?\)")
 
 
 def official_speed_pct(message: str) -> float | None:
-    """Return what the official tool reads: `2e+16%` is 16 there, `-5%` is 5. None where it stops with an error."""
+    """Return the speed that the official tool reads (16 of `2e+16%`, 5 of `-5%`), or None where the tool fails."""
     found = _OFFICIAL.search(message)
     return None if found is None else float(found.group().rstrip("%"))
 
 
 def speed_pct(message: str) -> float | None:
-    """Return the ego's speed in percent of the traffic's, or None where the sentence tells none that a car can have."""
+    """Return the ego's speed in percent of the traffic's, or None if the sentence has no possible speed."""
     found = _SPEED.search(message)
     value = math.nan if found is None else float(found.group(1))
     return value if 0.0 <= value <= LARGEST_PCT else None
 
 
 def ratios_pct(record: OfficialRecord, *, read: Callable[[str], float | None] = speed_pct) -> list[float]:
-    """Return the ratios as `read` understands the sentences. Raises `UsageError` for one without a number."""
+    """Return the speed ratios in percent, as `read` reads them. Raises `UsageError` for a sentence without a number."""
     found = []
     for message in record.infractions[SPEED_LIST]:
         ratio = read(message)
@@ -199,26 +200,26 @@ def ratios_pct(record: OfficialRecord, *, read: Callable[[str], float | None] = 
 
 
 def outside_lanes_pct(message: str) -> float | None:
-    """Return the share of the driven route outside its lanes, 0..100, or None where the sentence does not tell."""
+    """Return the share of the driven route outside its lanes, 0..100, or None if the sentence does not tell it."""
     found = _LANES.search(message)
     value = math.nan if found is None else float(found.group(1))
     return value if 0.0 <= value <= 100.0 else None
 
 
 def place_of(message: str) -> tuple[float, float]:
-    """Return where it happened in metres; zeros where the sentence does not tell."""
+    """Return (x, y) of the infraction in metres; zeros if the sentence does not tell its place."""
     found = _PLACE.search(message)
     x_m, y_m = (0.0, 0.0) if found is None else (float(found.group(1)), float(found.group(2)))
     return (x_m, y_m) if math.isfinite(x_m) and math.isfinite(y_m) else (0.0, 0.0)
 
 
 def speed_message(pct: float) -> str:
-    """Return the official sentence, exact and never with an exponent."""
+    """Return the official sentence about the speed, with an exact number without an exponent."""
     return f"Average speed is {_plain(pct)}% of the surrounding traffic's one"
 
 
 def lanes_message(share_pct: float, driven_m: float) -> str:
-    """Return the official sentence; its ninth word is a number too, which the global record is made of."""
+    """Return the official sentence about the lanes; the global record is computed from its ninth word, the metres."""
     metres = round(share_pct / 100.0 * driven_m, 3)
     return (
         f"Agent went outside its route lanes for about {_plain(metres)} meters "

@@ -17,8 +17,8 @@ abilities    of a route the last repetition counts                  its records 
 ============ ====================================================== =============================================
 
 Traffic_Signs has a rule of its own: a failed route counts there when the car came 8 waypoints beyond the first
-junction without running a red light or a stop sign. Where the first junction is only the map of the town tells, so
-without our own mark in the record the rate of Traffic_Signs is known to lie between two numbers.
+junction without running a red light or a stop sign. Only the map of the town tells where the first junction is. So
+without our own mark in the record, we know only two bounds of the rate of Traffic_Signs.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from pytest_drive_robust.metrics.efficiency import LARGEST_RATIO_PCT
 from pytest_drive_robust.metrics.episodes import require_mode
 
 OFFICIAL_ROUTES = 220
-"""What the official merge tool divides by, whatever was driven."""
+"""The official merge tool divides by this number, whatever was driven."""
 _OBEYED = (InfractionKind.RED_LIGHT.value, InfractionKind.STOP_SIGN.value)
 
 
 @dataclass(frozen=True, slots=True)
 class AbilityRate:
-    """Between `low` and `high` (0..1), both None where there is no route; `routes` it is the rate of."""
+    """A success rate between `low` and `high` (0..1), both None without a route; `routes` is the number of routes."""
 
     low: float | None
     high: float | None
@@ -51,7 +51,7 @@ class AbilityRate:
 
     @property
     def value(self) -> float | None:
-        """The rate where it is known exactly."""
+        """The rate if it is known exactly, else None."""
         return self.low if self.low == self.high else None
 
 
@@ -59,9 +59,9 @@ class AbilityRate:
 class OfficialTotals:
     """`ds` is 0..100, `sr` 0..1, `efficiency` and `comfort` percent; None where no route has data.
 
-    `records` of `routes` routes were read; `comfort_records` of them had a log of their motion. `missing` are the ids
-    of planned routes without a record, None when only `missing_count` is known, and that is None when nobody knows.
-    `unscored` are the route ids whose end says nothing about the agent.
+    `records` records of `routes` routes were read; `comfort_records` of them had a log of their motion. `missing` are
+    the ids of planned routes without a record, None if only their number is known; `missing_count` is this number, None
+    if it is unknown. `unscored` are the route ids whose end says nothing about the agent.
     """
 
     mode: str
@@ -91,10 +91,11 @@ def score_results(
 ) -> OfficialTotals:
     """Return the totals.
 
-    `scenarios` are the planned routes, id to scenario type, as a route file tells them; `junctions` is what
-    `carla_junctions.junction_shares` knows about some of them.
+    `scenarios` are the planned routes of a route file, id to scenario type; `junctions` are the results of
+    `carla_junctions.junction_shares` for some of these routes.
 
-    Raises `UnknownNameError` for a mode, `UsageError` for a damaged log of motion or a sentence without its number.
+    Raises `UnknownNameError` for an unknown mode, `UsageError` for a damaged log of motion or a sentence without its
+    number.
     """
     require_mode(mode)
     official = mode == "bench2drive"
@@ -126,20 +127,20 @@ def score_results(
 
 
 def counted_records(results: ResultSet, mode: str) -> tuple[OfficialRecord, ...]:
-    """Return the records that count: officially all of them, else those whose end says something about the agent."""
+    """Return the records that count: all in the mode `bench2drive`, else those whose end tells about the agent."""
     if mode == "bench2drive":
         return results.records
     return tuple(record for record in results.records if not record.is_harness_error)
 
 
 def official_efficiency(record: OfficialRecord) -> float | None:
-    """Return the mean of what is at most 1000 %, None where nothing is: the official tool leaves out or stops there."""
+    """Return the mean of the ratios up to 1000 %, None without any: the official tool skips the route or fails."""
     kept = [ratio for ratio in ratios_pct(record, read=official_speed_pct) if ratio <= LARGEST_RATIO_PCT]
     return mean(kept) if kept else None
 
 
 def _true_efficiency(record: OfficialRecord) -> float:
-    """Return the mean of all, 0 for a car that never reached a checkpoint."""
+    """Return the mean of all speed ratios in percent, 0 for a car that never reached a checkpoint."""
     ratios = ratios_pct(record)
     return mean(ratios) if ratios else 0.0
 
@@ -166,7 +167,11 @@ def _over_routes(values: Values) -> float | None:
 def _missing(
     results: ResultSet, scenarios: Mapping[str, str] | None, *, otherwise: int | None
 ) -> tuple[tuple[str, ...] | None, int | None]:
-    """Return which and how many; without a route file the evaluator's own plan tells it, else `otherwise` how many."""
+    """Return the missing routes and their number, each None if unknown.
+
+    Without a route file the evaluator's own plan tells the planned routes or their number, else `otherwise` is the
+    number of planned routes.
+    """
     there = {record.route for record in results.records}
     if scenarios is not None:
         absent = tuple(route for route in scenarios if route not in there)
@@ -188,8 +193,8 @@ def _ability_rates(
 ) -> dict[str, AbilityRate]:
     """Count the successes of each ability.
 
-    `scenarios`: only these routes, of these types. `official`: of a route the first record counts that the official
-    ability tool finds; the merge tool orders them by their ids as text, the last repetition first.
+    `scenarios`: count only these routes, with these types. `official`: count only the record of a route that the
+    official ability tool finds first; the merge tool sorts records by id as text, the last repetition first.
     `junctions`: the share of each route after which its first junction is passed, where it is known.
     """
     by_route: dict[str, list[OfficialRecord]] = {}
@@ -206,12 +211,12 @@ def _ability_rates(
 
 
 def ability_route(record: OfficialRecord, *, official: bool) -> str:
-    """Return the route that a record counts for in abilities: the official tool cuts at every underscore."""
+    """Return the route that a record counts for in abilities: the official tool cuts the id at the first underscore."""
     return record.route.partition("_")[0] if official else record.route
 
 
 def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, str]) -> frozenset[str]:
-    """Return the routes of Traffic_Signs whose part in it only a map can tell."""
+    """Return the routes of Traffic_Signs for which only a map can tell whether they count."""
     return frozenset(
         record.route
         for record in records
@@ -220,7 +225,7 @@ def undecided_routes(records: Iterable[OfficialRecord], scenarios: Mapping[str, 
 
 
 def _mean_rate(rates: Mapping[str, AbilityRate]) -> AbilityRate:
-    """Return the plain mean of those that have routes."""
+    """Return the plain mean of the abilities that have routes."""
     known = [rate for rate in rates.values() if rate.routes]
     lows = [rate.low for rate in known if rate.low is not None]
     highs = [rate.high for rate in known if rate.high is not None]

@@ -1,4 +1,4 @@
-"""Which routes our own evaluator set out to drive: its official file of each route plans that one route only."""
+"""The list of routes that our runs of the evaluator plan: the official file of a route plans only that route."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.whole_file import write_whole
 
 PLANNED_FILE = "drive_robust.planned"
-"""Beside the results, a list of ids as JSON; no `*.json`, all of which the official merge tool takes for results."""
+"""The list of route ids as JSON, beside the results; not `*.json`, which the official merge tool takes for results."""
 
 
 def planned_routes(folder: Path) -> tuple[str, ...]:
-    """Return the ids of the routes that the results in `folder` were planned to be of; none where nothing tells.
+    """Return the ids of the routes that were planned for the results in `folder`; empty without a list.
 
-    Raises `UsageError` for a damaged list: who cannot read it does not know that the results are whole.
+    Raises `UsageError` for a damaged list, because without the list nobody knows whether the results are complete.
     """
     file = folder / PLANNED_FILE
     if not file.is_file():
@@ -32,7 +32,7 @@ def planned_routes(folder: Path) -> tuple[str, ...]:
 
 
 def add_planned(folder: Path, routes: Iterable[str]) -> None:
-    """Note that these routes are to be driven too. The caller sees to it that nobody else does so at the same time."""
+    """Add routes to the list of planned routes. The caller must keep others from writing it at the same time."""
     before = planned_routes(folder)
     planned = tuple(dict.fromkeys((*before, *routes)))
     if planned != before:

@@ -1,4 +1,4 @@
-"""Which oddities of the official tools changed a number of these results, each as one sentence for people."""
+"""Sentences about the oddities of the official tools that change a number of these results, one for each."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _COMFORT = {
 def notes_on(
     score: OfficialTotals, results: ResultSet, comforts: Comforts, *, scenarios: Mapping[str, str] | None = None
 ) -> tuple[str, ...]:
-    """Return sentences, each beginning with the name of the number that it is about."""
+    """Return the sentences about a score; each begins with the name of the number that it is about."""
     official = score.mode == "bench2drive"
     parts = [_files(results), _rules(results), _foreign(score, results, scenarios)]
     if official:
@@ -90,7 +90,7 @@ def foreign_records(
 
 def _totals(score: OfficialTotals, results: ResultSet) -> Iterator[str]:
     count = score.records
-    assert score.ds is not None  # official sums always are
+    assert score.ds is not None  # an official sum is never None
     assert score.sr is not None
     if count != OFFICIAL_ROUTES and (score.ds or score.sr):
         factor = OFFICIAL_ROUTES / count

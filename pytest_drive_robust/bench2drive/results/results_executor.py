@@ -1,4 +1,4 @@
-"""Episodes out of result files instead of a simulator: what `--drive-results` stands for."""
+"""The executor behind `--drive-results`: episodes come from result files instead of a simulator."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ _UP_TO_OUTER_EQUALS = re.compile(r"(?:\([^()]*\)|[^=(])*")
 def parse_results(
     text: str, known: Mapping[str, type[Perturbation]] | None = None, reading: DriveReading | None = None
 ) -> dict[str, Path]:
-    """Read `"clean=DIR,latency 200 ms=DIR2"` as paths by the sentence of their setting (`str(Setting)`).
+    """Parse `"clean=DIR,latency 200 ms=DIR2"`; return each path by the sentence of its setting (`str(Setting)`).
 
     A part without `=` belongs to the path before it, so that paths may have commas. `known` are the perturbation
-    classes (default: the built-in ones), `reading` is how failures are read, None where nobody asked. Raises
-    `UsageError`, `RequirementError` for a sentence that does not parse.
+    classes (default: the built-in ones), `reading` is applied to the failures, if there is one. Raises `UsageError`,
+    and `RequirementError` for a sentence that does not parse.
     """
     parts: list[str] = []
     for piece in _OUTER_COMMA.split(text):
@@ -59,14 +59,14 @@ def parse_results(
 
 
 def _named(part: str) -> tuple[str, str, str]:
-    """Cut at the first `=` that stands in no brackets: `200 ms latency (reading=released)=DIR`."""
+    """Cut at the first `=` outside of brackets, as in `200 ms latency (reading=released)=DIR`."""
     found = _UP_TO_OUTER_EQUALS.match(part)
     end = 0 if found is None else found.end()
     return part[:end], part[end : end + 1], part[end + 1 :]
 
 
 def _read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None) -> Setting:
-    """Read as `Setting.parse` does; `latency 200 ms` is understood as `200 ms latency` too."""
+    """Parse a setting as `Setting.parse` does; also accept `latency 200 ms` for `200 ms latency`."""
     try:
         return Setting.parse(sentence, known)
     except RequirementError as error:
@@ -82,10 +82,10 @@ def _read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None)
 
 @dataclass(frozen=True)
 class ResultsSource:
-    """The results of one setting: answers which episode a route and a seed (the record's repetition) were.
+    """The results of one setting; gives the episode of a route and a seed (the record's repetition).
 
-    `unfinished` are the files of an evaluation that has not ended, `planned` is how many episodes it was to have, None
-    where nothing tells.
+    `unfinished` are the files of an evaluation that has not ended, `planned` is the planned number of episodes, None if
+    it is unknown.
     """
 
     setting: str
@@ -97,7 +97,7 @@ class ResultsSource:
 
     @classmethod
     def read(cls, setting: str, path: Path) -> ResultsSource:
-        """Read a file or folder of results. Raises `UsageError`."""
+        """Read the results of a setting from a file or folder. Raises `UsageError`."""
         try:
             results = read_results(path)
         except UsageError as error:
@@ -110,14 +110,14 @@ class ResultsSource:
 
     @property
     def routes(self) -> tuple[Route, ...]:
-        """A route for each id, without a road: what is judged needs none."""
+        """A route for each id in the results, without waypoints, which verdicts do not need."""
         first: dict[str, OfficialRecord] = {}
         for records in self.records.values():
             first.setdefault(records[0].route, records[0])
         return tuple(_route(record) for record in first.values())
 
     def problem(self, episode: Episode, route: Route) -> str:
-        """Return why there is no such episode, in one sentence; empty where there is one."""
+        """Return in a clause why the results cannot give an episode; empty if they can."""
         records = self.records.get((episode.route_id, episode.seed))
         if records is None:
             others = [seed for route_id, seed in self.records if route_id == episode.route_id]
@@ -133,7 +133,7 @@ class ResultsSource:
         return ""
 
     def episode(self, episode: Episode, route: Route) -> EpisodeResult:
-        """Return the episode. Raises `UsageError` where there is none or its record cannot be used."""
+        """Return the result of an episode. Raises `UsageError` if it is missing or its record cannot be used."""
         problem = self.problem(episode, route)
         if problem:
             raise UsageError(f"the results of {self.setting!r} in {str(self.path)!r}: {problem}.")
@@ -142,7 +142,7 @@ class ResultsSource:
 
 
 class ResultsExecutor(Executor):
-    """Answers requests from results, as an executor that drives would (one at a time, at once)."""
+    """Answers requests from result files, at once and one at a time."""
 
     slots = 1
 
@@ -158,9 +158,9 @@ class ResultsExecutor(Executor):
         *,
         start: Path | None = None,
     ) -> ResultsExecutor:
-        """Read everything that a `--drive-results` names, as `parse_results` does; relative paths begin at `start`.
+        """Read all results that `--drive-results` names (see `parse_results`); relative paths begin at `start`.
 
-        Raises `UsageError`.
+        Raises `UsageError`, also where two settings share a drive.
         """
         named = parse_results(text, known, reading)
         sources = [ResultsSource.read(setting, (start or Path()) / path) for setting, path in named.items()]
@@ -170,7 +170,7 @@ class ResultsExecutor(Executor):
 
     @property
     def routes(self) -> tuple[Route, ...]:
-        """The routes of all results, each id once: what to judge over when no route file is given."""
+        """The routes of all results, each id once: the routes to judge when no route file is given."""
         found: dict[str, Route] = {}
         for source in self._sources.values():
             for route in source.routes:
@@ -179,11 +179,11 @@ class ResultsExecutor(Executor):
 
     @property
     def repetitions(self) -> tuple[int, ...]:
-        """Every repetition that some record has, in order: the seeds to judge where nobody gave any."""
+        """Every repetition in the records, sorted: the seeds to judge when no seeds are given."""
         return tuple(sorted({seed for source in self._sources.values() for _, seed in source.records}))
 
     def require_finished(self) -> None:
-        """Raise one `UsageError` that names every file of an evaluation that has not ended: its routes are not all."""
+        """Raise one `UsageError` that names every file of an unfinished evaluation, in which routes are missing."""
         files = [
             f"the results of {source.setting!r}: {file}"
             for source in self._sources.values()
@@ -196,7 +196,7 @@ class ResultsExecutor(Executor):
             raise UsageError("\n  ".join([head, *files[:_MOST_SHOWN], *more, advice]))
 
     def unplanned(self) -> tuple[str, ...]:
-        """Return a sentence for each evaluation of which nothing tells whether it has ended: its routes may lack."""
+        """Return a sentence for each evaluation that does not tell its planned routes: some may be missing."""
         return tuple(
             f"the results of {source.setting!r} in {str(source.path)!r} do not say how many routes were planned; those "
             f"of {len(source.routes)} are judged. Should there be more, name them: --drive-routes FILE.xml"
@@ -205,11 +205,11 @@ class ResultsExecutor(Executor):
         )
 
     def finished(self, request: EpisodeRequest) -> EpisodeResult:
-        """Return the episode: all of them are there. Raises `UsageError` where it is not."""
+        """Return the result of the request: every episode is finished already. Raises `UsageError` if it is missing."""
         return self.submit(request).result()
 
     def left_out(self, seeds: Collection[int]) -> str:
-        """Return how many records are of other repetitions than `seeds`, as a sentence; empty where none is."""
+        """Return a sentence that counts the records of other repetitions than `seeds`; empty if there are none."""
         counts = Counter(
             seed
             for source in self._sources.values()
@@ -228,7 +228,7 @@ class ResultsExecutor(Executor):
         return f"not judged: {told}{more}. The seeds are given as {given}; without seeds all repetitions are judged"
 
     def check(self, requests: Iterable[EpisodeRequest]) -> None:
-        """Raise one `UsageError` that names everything that `requests` need and the results do not hold."""
+        """Raise one `UsageError` that names every episode that `requests` need and the results lack."""
         wanted: dict[str, list[EpisodeRequest]] = {}
         for request in requests:
             wanted.setdefault(request.episode.setting, []).append(request)
@@ -273,13 +273,14 @@ class ResultsExecutor(Executor):
 
 
 def _require_own_drives(sources: Sequence[ResultsSource], failing: Collection[str]) -> None:
-    """Raise `UsageError` where one drive stands for two settings of which one is in `failing`: it would lose nothing.
+    """Raise `UsageError` if two settings share a drive and one is in `failing`: that failure would cost nothing.
 
-    An export of ours tells its own setting, and an agent that broke at once was not timed.
+    Records of our exports are not checked, as they tell their setting, nor drives without a time, as of an agent that
+    broke at once.
     """
     for one, other in combinations(sources, 2):
         if not {one.setting, other.setting} & set(failing):
-            continue  # one clean drive may be what several settings are compared with
+            continue  # several settings may be compared with one clean drive
         for key in one.records.keys() & other.records.keys():
             again = {_drive_of(record) for record in other.records[key]}
             for record in one.records[key]:
@@ -292,7 +293,7 @@ def _require_own_drives(sources: Sequence[ResultsSource], failing: Collection[st
 
 
 def _drive_of(record: OfficialRecord) -> tuple[object, ...]:
-    """Return what two drives do not share, even with one outcome: seconds of wall time come with three decimals."""
+    """Return values that differ for two drives even with the same outcome: wall time has three decimals."""
     return record.save_name, record.status, record.score, record.game_s, record.wall_s
 
 

@@ -1,4 +1,4 @@
-"""Official result files: one of the evaluator, a folder of splits, or what the official merge tool made of them."""
+"""Read official result files: a file of the evaluator, a folder of splits, or a file of the official merge tool."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _MOST_SHOWN = 10
 
 @dataclass(frozen=True, slots=True)
 class UnfinishedFile:
-    """A file that holds fewer episodes than the evaluator set out to drive; `planned` is None where it was emptied.
+    """A file with fewer episodes than the evaluator planned; `planned` is None for an empty file.
 
-    It is the folder of the files where our own evaluator drove them. Only then it is known which routes are `missing`.
+    For results that our own runs drove, `path` is the folder of the files. Only then `missing` has the missing routes.
     """
 
     path: Path
     held: int
     planned: int | None
     doubled: int = 0
-    """How many of its records are of episodes that it has already."""
+    """The number of further records of episodes that the file holds already."""
     missing: tuple[str, ...] = ()
 
     def __str__(self) -> str:
@@ -42,10 +42,10 @@ class UnfinishedFile:
 class ResultSet:
     """The records of one run in the order of their files and lines.
 
-    `planned` is how many episodes (routes times repetitions) the evaluator set out to drive, None where some file does
-    not say so; `unfinished` are the files that say that they hold fewer, or are empty. `missing` are the planned routes
-    without a record, as far as somebody noted which ones were planned. `folder` is where the files are: folders of
-    single routes are looked for from there. `skipped` are files that hold no records.
+    `planned` is the number of episodes (routes times repetitions) that the evaluator planned, None if a file does not
+    tell it; `unfinished` are the files that hold fewer episodes than planned, or are empty. `missing` are the planned
+    routes without a record, where a list of planned routes exists. `folder` holds the files; folders of single routes
+    are looked for from there. `skipped` are files without records.
     """
 
     records: tuple[OfficialRecord, ...]
@@ -57,15 +57,15 @@ class ResultSet:
 
     @property
     def duplicates(self) -> tuple[str, ...]:
-        """The route ids, with repetition, that more than one record has."""
+        """The route ids (with repetition) that several records share."""
         counts = Counter(record.route_id for record in self.records)
         return tuple(route_id for route_id, count in counts.items() if count > 1)
 
 
 def read_results(path: Path) -> ResultSet:
-    """Return the results in a file or in the `*.json` of a folder, where `merged.json` is read only when it is alone.
+    """Return the results in a file or in the `*.json` of a folder; `merged.json` in it is read only without splits.
 
-    Raises `UsageError` for what is not there, is damaged, or holds no record.
+    Raises `UsageError` for a path that is missing, damaged, or holds no record.
     """
     single = _is_file(path)
     files = [path] if single else _files_of(path)
@@ -77,7 +77,7 @@ def read_results(path: Path) -> ResultSet:
     for file in files:
         if file != path and is_empty(file):
             skipped.append(file)
-            if not routes:  # our evaluator leaves whole files only: there, the agent left it
+            if not routes:  # our runs leave only whole files: among these, an empty file is the agent's
                 unfinished.append(UnfinishedFile(file, 0, None))
             continue
         document = read_json(file)
@@ -103,7 +103,7 @@ def read_results(path: Path) -> ResultSet:
     return ResultSet(
         records=tuple(records),
         folder=path.parent if single else path,
-        # nobody knows what a part that died had before it
+        # a file that does not tell its plan leaves the whole number unknown
         planned=sum(totals) + len(missing) if routes or len(totals) == len(files) else None,
         skipped=tuple(skipped),
         unfinished=tuple(unfinished),
@@ -119,7 +119,7 @@ def _is_file(path: Path) -> bool:
 
 
 def _files_of(folder: Path) -> list[Path]:
-    """Return the files that the official merge tool would take, in an order that does not depend on the disk."""
+    """Return the files that the official merge tool would take, sorted by name. Raises `UsageError` without any."""
     try:
         found = sorted(item for item in folder.iterdir() if item.suffix == ".json" and not item.name.startswith("."))
         splits = [item for item in found if _MERGED not in item.name]
@@ -140,7 +140,7 @@ def _records_of(document: object) -> list[object] | None:
 
 
 def _planned(document: object) -> int | None:
-    """Return the second number of `progress`: [done, planned]."""
+    """Return the planned number of episodes, from `progress`: [done, planned]; None if it is not told."""
     assert isinstance(document, dict)  # it has records
     progress = document["_checkpoint"].get("progress")
     if not isinstance(progress, list) or len(progress) != 2:

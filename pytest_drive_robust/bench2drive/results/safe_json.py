@@ -1,4 +1,4 @@
-"""JSON of unknown origin: read whole or refused with one sentence, whatever its bytes are."""
+"""Read JSON of unknown origin: any bytes are read whole or refused with one sentence."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SHOWN_CHARACTERS = 120
 
 
 def read_json(path: Path) -> object:
-    """Return what the file holds. Raises `UsageError` for what is no JSON; NaN and Infinity are none."""
+    """Return the value in a JSON file. Raises `UsageError` for a file that is no JSON, also for NaN and Infinity."""
     name = shown(str(path))
     if not path.is_file():  # a pipe would wait for ever
         raise UsageError(f"there is no file {name}.")
@@ -31,15 +31,15 @@ def read_json(path: Path) -> object:
 
 
 def is_empty(path: Path) -> bool:
-    """Return whether the evaluator died before its first write: it empties the file at its start."""
+    """Return True for an empty file: the evaluator empties its file at the start and died before the first write."""
     try:
         return path.is_file() and not path.read_bytes().strip()
     except OSError:
-        return False  # read_json says what is wrong with it
+        return False  # read_json reports the error
 
 
 def finite(value: object) -> float | None:
-    """Return the number, or None for anything that is no finite one (a truth value is none)."""
+    """Return `value` as a float, or None for anything but a finite number (True and False are no numbers)."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     try:

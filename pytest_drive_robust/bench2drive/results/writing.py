@@ -1,4 +1,4 @@
-"""One episode as an official record (Bench2Drive `leaderboard/utils/statistics_manager.py`)."""
+"""Write episodes as official records (Bench2Drive `leaderboard/utils/statistics_manager.py`)."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ _VALUES = {
 
 
 def record_of(result: EpisodeResult, *, index: int, town: str, stamp: str) -> dict[str, Any]:
-    """Return the record. `stamp` is the time at the end of its save_name, `MM_DD_HH_MM_SS`.
+    """Return the official record of an episode. `stamp` is the time at the end of its save_name, `MM_DD_HH_MM_SS`.
 
-    An `infra_error` is written as a crashed simulation with the score 0, which the official evaluator drives again.
+    An `infra_error` becomes a crashed simulation with the score 0, a route that the official evaluator drives again.
     """
     route_id = f"RouteScenario_{result.episode.route_id}_rep{result.episode.seed}"
     scenario = f"{result.scenario}_1"
@@ -65,7 +65,7 @@ def record_of(result: EpisodeResult, *, index: int, town: str, stamp: str) -> di
 
 
 def results_document(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the whole file of one run over `records`, finished."""
+    """Return the document of a whole result file with these records, as of a finished run."""
     scores = {name: [item["scores"][name] for item in records] for name in _SCORES}
     means = {name: round(sum(values) / len(values), 6) for name, values in scores.items()}
     deviations = {name: round(stdev(values), 3) if len(values) > 1 else 0.0 for name, values in scores.items()}
@@ -110,13 +110,13 @@ def _infractions(result: EpisodeResult) -> dict[str, list[str]]:
             lists[item.kind.value].append(lanes_message(item.share_pct, driven_m))
         elif item.kind is not InfractionKind.MIN_SPEED:
             lists[item.kind.value].append(f"{item.detail} at (x={item.x_m:.3f}, y={item.y_m:.3f}, z=0.000)")
-    # One sentence for each twentieth of the route, good or bad: all that the official efficiency is made of.
+    # One sentence for each twentieth of the route, good or bad: the official efficiency is computed from these alone.
     lists[InfractionKind.MIN_SPEED.value] = [speed_message(ratio) for ratio in result.speed_ratios_pct]
     return lists
 
 
 def _status(result: EpisodeResult, messages: int) -> str:
-    """Return the official status; only an early stop and an end by a gymnasium environment have none."""
+    """Return the official status; an early stop and an end by a gymnasium environment keep our own status."""
     if result.outcome is Outcome.COMPLETED:
         return "Completed" if messages else "Perfect"
     if result.outcome is Outcome.AGENT_ERROR:
@@ -133,7 +133,7 @@ def _worst(statuses: Sequence[str]) -> str:
 
 
 def _events_per_km(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Return events per driven kilometre; for the lanes the kilometres outside of them, out of the sentences."""
+    """Return events per driven kilometre by list; for the lanes, the kilometres outside of them, from the sentences."""
     driven_km = sum(item["meta"]["route_length"] / 1000.0 * item["scores"]["score_route"] / 100.0 for item in records)
     rates = {name: sum(len(item["infractions"][name]) for item in records) / max(driven_km, 0.001) for name in LISTS}
     lanes = InfractionKind.OUTSIDE_LANES.value

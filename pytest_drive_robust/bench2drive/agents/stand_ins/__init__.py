@@ -1,6 +1,6 @@
-"""What an agent file imports of CARLA and of the leaderboard, for where these are not installed.
+"""Stand-ins for CARLA and the leaderboard, for agent files that import these where they are not installed.
 
-Written from their public interfaces, for agents that need nothing but the base class, the commands and the few types
-that these pass around. They keep CARLA's own names (`RoadOption`), because agent files import them by these. What is
-installed, or lies on `sys.path`, always goes first: see `finder`.
+The stand-ins are written from the public interfaces, for agents that need only the base class, the commands and the few
+types that both use. CARLA's own names stay (`RoadOption`), because agent files import these names. An installed
+package, or one on `sys.path`, always goes first: see `finder`.
 """

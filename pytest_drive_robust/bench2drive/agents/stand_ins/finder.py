@@ -1,4 +1,4 @@
-"""Lets `import carla` and `import leaderboard...` find our stand-ins when nothing else of that name is there."""
+"""Lets `import carla` and `import leaderboard...` find our stand-ins when no other module has that name."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ _MODULES: Mapping[str, tuple[str, ...]] = MappingProxyType(
         "srunner.scenariomanager.timer": ("GameTime",),
     }
 )
-"""Modules that people import, and what they want of them; packages have nothing of their own."""
+"""Modules that agent files import, with the names that they take from each; packages have no names."""
 
 
 class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
-    """The last to be asked."""
+    """Finds and loads the stand-ins; Python asks this finder last."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -51,7 +51,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
 
 
 def install_stand_ins() -> None:
-    """Serve the stand-ins in this process from now on, behind every other way to find a module."""
+    """Serve the stand-ins in this process from now on, after every other finder."""
     if not any(isinstance(finder, _Finder) for finder in sys.meta_path):
         sys.meta_path.append(_Finder())
 

@@ -1,4 +1,4 @@
-"""Stands in for `carla`, its `agents`, the leaderboard and `srunner`: what files of official agents import of them.
+"""Stand-ins for the types that official agent files import from `carla`, its `agents`, the leaderboard and `srunner`.
 
 Axes are CARLA's: x forward (east), y to the right (south), z up, metres and degrees; yaw grows clockwise seen from
 above.
@@ -45,7 +45,7 @@ class Location(Vector3D):
     """A place in metres."""
 
     def distance(self, other: Location) -> float:
-        """Return the metres to another place."""
+        """Return the distance to another place in metres."""
         return (self - other).length()
 
 
@@ -74,7 +74,7 @@ class Rotation:
 
 @dataclass
 class Transform:
-    """A place and how something stands there."""
+    """A place and a rotation."""
 
     location: Location = field(default_factory=Location)
     rotation: Rotation = field(default_factory=Rotation)
@@ -102,7 +102,7 @@ class VehicleControl:
 
 
 _PLAN_GAP_M = 50.0
-"""As in Bench2Drive (`leaderboard/autoagents/autonomous_agent.py`); the leaderboard itself keeps one every 200 m."""
+"""As in Bench2Drive (`leaderboard/autoagents/autonomous_agent.py`); the leaderboard keeps a point every 200 m."""
 
 
 class RoadOption(IntEnum):
@@ -118,7 +118,7 @@ class RoadOption(IntEnum):
 
 
 class Track(Enum):
-    """What an agent may use; `MAP` adds the map to the sensors."""
+    """The inputs that an agent may use; `MAP` adds the map to the sensors."""
 
     SENSORS = "SENSORS"
     MAP = "MAP"
@@ -135,7 +135,7 @@ class SensorReceivedNoData(Exception):  # noqa: N818 - the leaderboard's name
 
 
 class AutonomousAgent:
-    """What an agent file derives its class from."""
+    """The base class of official agents."""
 
     def __init__(self, carla_host: str, carla_port: int, debug: bool = False) -> None:
         self.track = Track.SENSORS
@@ -153,12 +153,12 @@ class AutonomousAgent:
         return []
 
     def run_step(self, input_data: dict[str, Any], timestamp: float) -> Any:
-        """Return the `carla.VehicleControl` for this tick: here one that does nothing."""
+        """Return the `carla.VehicleControl` for this tick; the base class returns a neutral one."""
         carla: Any = importlib.import_module("carla")
         return carla.VehicleControl()
 
     def destroy(self) -> None:
-        """Give back what `setup` took."""
+        """Free the resources of `setup`."""
 
     def get_hero(self) -> None:
         """Look up the vehicle (Bench2Drive's method). The adapter has set `hero_actor` already."""
@@ -179,7 +179,7 @@ class AutonomousAgent:
         return {**told, "rotation": [turned.roll, turned.pitch, turned.yaw]}
 
     def set_global_plan(self, global_plan_gps: list[Any], global_plan_world_coord: list[Any]) -> None:
-        """Keep those points of the dense route that tell the way."""
+        """Keep a downsampled plan, and the dense one as `_plan_gps_HACK`."""
         kept = downsample_route(global_plan_world_coord, _PLAN_GAP_M)
         self._global_plan_world_coord = [(global_plan_world_coord[k][0], global_plan_world_coord[k][1]) for k in kept]
         self._global_plan = [global_plan_gps[k] for k in kept]
@@ -189,8 +189,8 @@ class AutonomousAgent:
 def downsample_route(route: Sequence[tuple[Any, Any]], sample_factor: float) -> list[int]:
     """Return the indices of the points to keep of `[(transform, RoadOption), ...]`.
 
-    Those are all points of lane changes, the points where the command is another one than before, one whenever more
-    than `sample_factor` metres went by since the last one, and the last point.
+    Kept are all points of lane changes, points with another command than the point before (unless that is a lane
+    change), a point whenever more than `sample_factor` metres went by since the last kept point, and the last point.
     """
     lane_changes = (RoadOption.CHANGELANELEFT.value, RoadOption.CHANGELANERIGHT.value)
     kept: list[int] = []
@@ -214,7 +214,7 @@ class CarlaDataProvider:
 
     @staticmethod
     def get_world() -> Any:
-        """Return what has `get_actors`."""
+        """Return the world of the episode, which has `get_actors`."""
         return CarlaDataProvider._world
 
     @staticmethod
@@ -224,7 +224,7 @@ class CarlaDataProvider:
 
 
 class GameTime:
-    """Seconds since the start of the route and the number of the frame. The adapter sets it before every step."""
+    """Seconds since the start of the route and the number of the frame. The adapter sets both before every step."""
 
     _current_game_time: ClassVar[float] = 0.0
     _last_frame: ClassVar[int] = 0
@@ -238,7 +238,7 @@ class GameTime:
 
     @staticmethod
     def get_frame() -> int:
-        """Return the number of the frame that `input_data` is of."""
+        """Return the number of the frame of `input_data`."""
         return GameTime._last_frame
 
     @staticmethod

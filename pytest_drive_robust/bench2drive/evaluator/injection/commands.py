@@ -1,4 +1,4 @@
-"""Commands to CARLA's vehicle: copies of them, and the one that does nothing."""
+"""Copies of commands to CARLA's vehicle, and the neutral command."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FIELDS = ("throttle", "steer", "brake", "hand_brake", "reverse", "manual_gear_s
 
 
 def copied(control: Any) -> Any:
-    """Return a command of its own: agents and scenarios change theirs in place."""
+    """Return a copy of a command: agents and scenarios change their commands in place."""
     try:
         made = type(control)()
     except TypeError:
@@ -24,7 +24,7 @@ def copied(control: Any) -> Any:
 
 
 def neutral_like(control: Any) -> Any:
-    """Return no throttle, no steering, no brake; of the class of `control`, or CARLA's when there was none yet."""
+    """Return a command without throttle, steering and brake, of the class of `control`, or of CARLA's for None."""
     made = importlib.import_module("carla").VehicleControl() if control is None else copied(control)
     made.throttle = made.steer = made.brake = 0.0
     made.hand_brake = made.reverse = False

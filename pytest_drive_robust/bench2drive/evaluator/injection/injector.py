@@ -20,9 +20,9 @@ __all__ = ["Injector"]
 
 
 class Injector:
-    """The failures of the route that is being driven. `trouble` is the exception that stands for our own mistakes.
+    """The failures of the route that is being driven. `trouble` is the exception to raise for our own errors.
 
-    `sensors` is the method of the agent that lists its sensors; it is asked once for each route.
+    `sensors` is the agent's method that lists its sensors, called once for each route.
     """
 
     def __init__(self, plan: InjectionPlan, trouble: type[Exception] = RuntimeError) -> None:
@@ -36,12 +36,12 @@ class Injector:
         self._begun = False
 
     def begin(self, route: str, repetition: int) -> None:
-        """Begin a route: everything about the last one is forgotten."""
+        """Begin a route: end the last one and forget its state."""
         self.end()
         self._begin_fresh(route, repetition)
 
     def end(self) -> None:
-        """End a route: its line of the log is written. Calling it twice does no harm."""
+        """End a route: write its line of the log. A second call does nothing."""
         if not self._begun:
             return
         self._begun = False
@@ -50,7 +50,7 @@ class Injector:
                 file.write(json.dumps(self._line()) + "\n")
 
     def data(self, read: Callable[[], dict[str, Any]], frame: Any) -> dict[str, Any]:
-        """Return what `get_data` returns: `read` is asked once per tick."""
+        """Return the perturbed result of `get_data`; call `read`, the original method, once per tick."""
         if self._in_call:
             known = self._given is not None
         else:
@@ -71,7 +71,7 @@ class Injector:
         return dict(self._given)
 
     def step(self, call: Callable[[], Any], look: Callable[[], Any]) -> Any:
-        """Drive one tick: `call` asks the agent, `look` only reads the sensors, for a tick in which it is not asked."""
+        """Return the command of one tick. `call` runs the agent; `look` reads the sensors while the agent is busy."""
         self._next_tick()
         self._in_call = True
         control, inference_s = None, 0.0
@@ -112,7 +112,7 @@ class Injector:
         if not self.plan.observes:
             return dict(raw)
         sensed = SensedTick.read(self._tick, {tag: payload for tag, (_, payload) in raw.items()})
-        # images are kept by who delays them
+        # without images: a perturbation that delays images keeps its own
         self._past[self._tick] = SensedTick({}, sensed.ego, dataclasses.replace(sensed.observation, cameras={}))
         given = self._stack().observe(sensed.observation)
         if self._witness is None:
@@ -132,14 +132,14 @@ class Injector:
             raise self.trouble(f"the injection failed: {error!r}") from error
 
     def _stack(self) -> RunningStack:
-        """Return the setting at work. It begins with the first tick, when the agent can be asked for its cameras."""
+        """Return the running setting. It starts with the first tick, when the agent can list its cameras."""
         if self._running is None:
             rig = cameras_of(self.sensors()) if self.plan.observes else ()
             self._running = self.plan.started(self._route, self._repetition, rig)
         return self._running
 
     def _line(self) -> dict[str, Any]:
-        """Return what was done. `injected_ticks`: in which the agent read what fails, or a command went by late."""
+        """Return the route's log entry. `injected_ticks` counts ticks with perturbed signals or a delayed command."""
         stack = self._stack()
         return {
             "route": self._route,
@@ -155,7 +155,7 @@ class Injector:
         }
 
     def _reception(self) -> dict[str, Any] | None:
-        """Return what the agent was given otherwise than sensed; None where a late command is a failure, too."""
+        """Return which signals reached the agent changed; None without such failures, or with a latency as well."""
         if self._witness is None or self.plan.is_late:
             return None
         told = dataclasses.asdict(self._witness.reception())

@@ -1,8 +1,8 @@
-"""What the sensors of an official agent say, as an observation of the package and back.
+"""Convert the sensor data of an official agent to an observation of the package and back.
 
-Payloads are known by their form: uint8 (height, width, 4) is a camera, three numbers are a GNSS fix, seven an IMU, a
-mapping with `speed` the speedometer, of which the leaderboard allows one each; lidar, radar and maps stay as they are.
-So does the debug camera `bev`, which agents save and do not look at.
+Payloads are recognised by their form: uint8 (height, width, 4) is a camera, three numbers are a GNSS fix, seven an IMU,
+a mapping with `speed` the speedometer. The leaderboard allows one GNSS, IMU and speedometer each. Lidar, radar and maps
+stay as they are, and so does the debug camera `bev`, whose images agents save and do not use.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ __all__ = ["SensedTick", "cameras_of", "kind_of"]
 
 DEBUG_CAMERAS = ("bev",)
 _SIGNALS = {"gps": ("gps",), "imu": ("imu", "compass"), "speed": ("speed",)}
-"""Which signals of ours a payload of a kind holds."""
+"""The signals of ours that each kind of payload holds."""
 
 
 def cameras_of(sensors: Iterable[Mapping[str, Any]]) -> list[CameraSpec]:
-    """Return the rig: the draws for a camera are asked by its place among the cameras of the agent, not by its id."""
+    """Return the cameras of the agent in order: draws depend on a camera's position in this list, not on its id."""
     return [CameraSpec(str(item["id"])) for item in sensors if str(item["type"]).startswith("sensor.camera.")]
 
 
 def kind_of(payload: Any) -> str:
-    """Return `camera`, `gps`, `imu`, `speed`, or nothing for what is never perturbed."""
+    """Return `camera`, `gps`, `imu`, `speed`, or nothing for a payload that is never perturbed."""
     if isinstance(payload, np.ndarray):
         if payload.ndim == 3 and payload.dtype == np.uint8:
             return "camera"
@@ -47,7 +47,7 @@ def _own(payload: Any) -> Any:
 
 
 class SensedTick(NamedTuple):
-    """The perturbed part of one tick: payloads by tag, a copy of what is no image, and what of it is perturbed."""
+    """The payloads of one tick that can be perturbed: images by tag, copies of other payloads, and the observation."""
 
     cameras: Mapping[str, Any]
     ego: Mapping[str, Any]
@@ -55,7 +55,7 @@ class SensedTick(NamedTuple):
 
     @classmethod
     def read(cls, tick: int, payloads: Mapping[str, Any]) -> SensedTick:
-        """Read the payloads of a tick. Positions are in metres on the ground, which Mercator stretches."""
+        """Return the payloads of a tick. Positions are metres on the ground, without the stretch of Mercator."""
         kinds = {tag: "" if tag in DEBUG_CAMERAS else kind_of(item) for tag, item in sorted(payloads.items())}
         cameras = {tag: payloads[tag] for tag, kind in kinds.items() if kind == "camera"}
         ego = {tag: _own(payloads[tag]) for tag, kind in kinds.items() if kind in ("gps", "imu", "speed")}
@@ -77,12 +77,12 @@ class SensedTick(NamedTuple):
 
     @property
     def consumes(self) -> tuple[str, ...]:
-        """Name the signals that are there, as agents of the package do: what is not there is 0 in the observation."""
+        """The signals that the agent has, as `consumes` of our agents; a missing signal is 0 in the observation."""
         ego = (signal for payload in self.ego.values() for signal in _SIGNALS[kind_of(payload)])
         return (*(("cameras",) if self.cameras else ()), *ego)
 
     def written(self, given: Observation, past: Mapping[int, SensedTick]) -> dict[str, Any]:
-        """Return the payloads that are not those of this tick; `past` are earlier ticks, and this one."""
+        """Return the payloads that `given` changes, by tag; `past` has the earlier ticks and this one."""
         found = {}
         for tag, image in given.cameras.items():
             if tag in self.cameras and image is not self.observation.cameras[tag]:
@@ -103,6 +103,6 @@ class SensedTick(NamedTuple):
 
 
 def _stretch(fix: Any) -> float:
-    """Mercator metres of a metre on the ground: 1 at the equator, where nearly all towns are."""
+    """Return Mercator metres per metre on the ground: 1 near the equator, where nearly all towns are."""
     latitude = float(fix[0])
     return 1.0 if abs(latitude) < 1.0 else 1.0 / cos(math.radians(latitude))

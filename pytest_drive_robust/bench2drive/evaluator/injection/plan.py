@@ -1,4 +1,4 @@
-"""What to inject, as the environment says it."""
+"""The setting to inject, read from environment variables."""
 
 from __future__ import annotations
 
@@ -20,7 +20,10 @@ class SettingRefusedError(Exception):
 
 
 class InjectionPlan(NamedTuple):
-    """What the environment asks for: a `Setting` of the package, its sentence `told`, the base seed."""
+    """The injection that the environment asks for: a `Setting`, the base seed, and the setting's sentence `told`.
+
+    `dt_s` is the length of a tick in seconds, `log` the file for the log, empty for none.
+    """
 
     setting: Setting
     seed: int
@@ -29,22 +32,22 @@ class InjectionPlan(NamedTuple):
     log: str
 
     def started(self, route: str, repetition: int, rig: Iterable[CameraSpec]) -> RunningStack:
-        """Return the setting at work on one route."""
+        """Return the setting, started for one route; `repetition` is added to the seed."""
         return self.setting.start(route_id=route, seed=self.seed + repetition, dt_s=self.dt_s, cameras=tuple(rig))
 
     @property
     def is_late(self) -> bool:
-        """True when commands come late."""
+        """True when the setting has a latency, so that commands come late."""
         return any(isinstance(item, InferenceLatency) for item in self.setting.perturbations)
 
     @property
     def observes(self) -> bool:
-        """True when anything that the agent is given changes."""
+        """True when the setting changes a signal that the agent gets."""
         return not all(isinstance(item, InferenceLatency) for item in self.setting.perturbations)
 
 
 def plan_from(environ: Mapping[str, str]) -> InjectionPlan:
-    """Return the plan of an environment. Raises `SettingRefusedError`, also for a severity that cannot be."""
+    """Return the plan of an environment. Raises `SettingRefusedError`, also for an impossible severity."""
     text = environ.get("PDR_SETTING", "").strip()
     try:
         plan = _plan_of_document(text, environ) if text else _plan_of_variables(environ)
@@ -70,7 +73,7 @@ def _plan_of_document(text: str, environ: Mapping[str, str]) -> InjectionPlan:
 
 
 def _plan_of_variables(environ: Mapping[str, str]) -> InjectionPlan:
-    """Return the plan of the released code's variables. One of them is the seed here: no option says another."""
+    """Return the plan of the released code's variables. `ROBUSTNESS_SEED` is the seed, as no option gives one here."""
     text = environ.get("ROBUSTNESS_SEED", "").strip()
     if text and not text.lstrip("+-").isdecimal():
         raise SettingRefusedError(f"ROBUSTNESS_SEED is {text!r}, expected a whole number")

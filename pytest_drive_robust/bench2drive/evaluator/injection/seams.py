@@ -1,4 +1,4 @@
-"""The two methods of a checkout that are wrapped: what reads the sensors, and what asks the agent."""
+"""Wrap the two methods of a checkout that read the sensors and run the agent, and two that begin and end a route."""
 
 from __future__ import annotations
 
