@@ -1,10 +1,10 @@
-"""Learned agents with one thing changed, as agents of the registry: `variant:uniad/our-numbers`.
+"""Register learned agents with one change as agents: `variant:uniad/our-numbers`.
 
-Each change is one factor of what stands between the network and the car. `our-numbers` changes all of them at once, as
-agents ship with the published ones; `ours-but-...` changes one factor of ours. `angle-wrapped` steers left for a target
-behind on the left, where the published agents steer right (`pid.published_turn_of`). `ours-but-target-rule`,
-`-steering` and `-pedals` take the published numbers with the car that they are for: what it steers, or its pedals, are
-then given to the car as they are, while ours are converted from a plain car (`_vehicle/plain_car.py`).
+Each change is one factor of the wrapper between the network and the car. `our-numbers` changes all factors at once,
+because agents ship with the published numbers; `ours-but-...` changes one factor of our numbers. `angle-wrapped` steers
+left for a target behind on the left, where the published agents steer right (`pid.published_turn_of`).
+`ours-but-target-rule`, `-steering` and `-pedals` use the published numbers, whose steering or pedals are given to the
+car unchanged, while those of our numbers are converted from a plain car (`_vehicle/plain_car.py`).
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ __all__ = ["VARIANTS", "Change", "Variant", "pytest_drive_robust_register"]
 
 @dataclass(frozen=True)
 class Change:
-    """What is changed: options of the agent, numbers of its controller, and what is not converted for the car.
+    """One change: options of the agent, numbers of its controller, and controls that are not converted for the car.
 
-    `moved_by_speed`: how far the car came since the memory is its measured speed times 0.5 s, not a difference of GPS.
-    `behind_m`: GPS tells a place that far behind, along the compass. `to_target`: the plan is turned, by this share of
-    the angle, from where it leads to where the target point lies: 1 steers straight at it.
+    `moved_by_speed`: the movement since the memory is the measured speed times 0.5 s, not a difference of GPS.
+    `behind_m`: GPS reads a place that far behind, along the compass. `to_target`: the plan is turned towards the target
+    point by this share of the angle; 1 steers straight at the target.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -142,15 +142,15 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
         },
     ),
 }
-"""Of each learned agent: its class, and what can be changed by name. `as-shipped` changes nothing."""
+"""The class of each learned agent, and its changes by name. `as-shipped` changes nothing."""
 
 
 _PLANS = {"path", "waypoints"}
-"""What of a network's outputs is a plan: (N, 2) metres, forward and right of the ego."""
+"""The outputs of a network that are plans: (N, 2) metres, forward and right of the ego."""
 
 
 def _turned(plan: NDArray[Any], target: Point, share: float) -> NDArray[Any]:
-    """Turn a plan about the ego, by that share of the angle from its last point to the target."""
+    """Return the plan turned about the ego by a share of the angle from the plan's last point to the target."""
     (ahead, right), (target_ahead, target_right) = plan[-1].tolist(), target
     angle = share * math.remainder(math.atan2(target_right, target_ahead) - math.atan2(right, ahead), math.tau)
     c, s = math.cos(angle), math.sin(angle)
@@ -158,7 +158,7 @@ def _turned(plan: NDArray[Any], target: Point, share: float) -> NDArray[Any]:
 
 
 class _Changed(LearnedAgent):
-    """What an agent does otherwise: mixed into its class."""
+    """A mix-in for an agent's class that applies a `Change`."""
 
     change: ClassVar[Change]
     _controller: WaypointController | PathController

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pytest_drive_robust.domain.result import EpisodeResult
 
 _ENDS = (-0.4, 1.0)
-"""What the picture shows of RD; an interval without a lower end goes on to there."""
+"""The range of RD in the picture; an interval without a lower end is drawn to its lower end."""
 SETTINGS = ("GPS noise 15 m", "200 ms latency (reading=released)")
 
 
@@ -78,7 +78,7 @@ def less_by(
 
 @dataclass(frozen=True)
 class Row:
-    """What a setting costs an agent with one change. Scores are 0 to 100, shares and RD 0 to 1."""
+    """The cost of a setting for an agent with one change. Scores are 0 to 100, shares and RD 0 to 1."""
 
     setting: str
     change: str
@@ -123,11 +123,11 @@ class Row:
 
 
 def driven(given: argparse.Namespace) -> list[Row]:
-    """Drive what is not driven yet; return the rows, setting by setting, each beginning with the base."""
+    """Drive the missing episodes; return the rows, setting by setting, each beginning with the base."""
     changes = list(dict.fromkeys([given.base, *(given.changes or VARIANTS[given.agent][1])]))
     settings = [str(Setting.parse(sentence)) for sentence in given.settings]
     baselines = {setting: str(Setting.parse(setting).baseline) for setting in settings}
-    # the agent as it ships goes by its own name, so that what the store has of it is not driven again
+    # the shipped agent keeps its own name, so that its stored episodes are not driven again
     names = {change: given.agent if change == "as-shipped" else f"variant:{given.agent}/{change}" for change in changes}
     results = drive(
         list(names.values()),
@@ -187,7 +187,7 @@ def picture(agent: str, rows: Sequence[Row]) -> str:
 
 
 def _paper_rd(agent: str, setting: str) -> float | None:
-    """Return the paper's RD of the setting, which it has once for both readings."""
+    """Return the paper's RD of the setting; the paper has one value for both readings."""
     words = setting.partition(" (")[0]
     return PUBLISHED[agent][words].rd if words in PAPER_SETTINGS else None
 

@@ -56,7 +56,7 @@ NOTHING = "-"
 
 @dataclass
 class Subject:
-    """One row. `make(engine=...)` makes an agent, `name` is what the registry calls it."""
+    """One row of the table. `make(engine=...)` makes an agent; `name` is its registered name."""
 
     title: str
     name: str
@@ -139,7 +139,7 @@ def seen_by(agent: Agent, ticks: int) -> Recording:
 
 
 def together(several: Sequence[Any], recording: Recording) -> float:
-    """Return ms a tick and agent, when all of them see the same."""
+    """Return milliseconds per tick and agent of a batch of agents with equal observations."""
     for agent in several:
         agent.reset(recording.plan, recording.seed)
     start = time.process_time()
@@ -172,7 +172,7 @@ def memory(subject: Subject, ticks: int) -> tuple[float, float]:
 
 
 def works(subject: Subject, ticks: int) -> list[Callable[[], Mapping[str, float]]]:
-    """Return what is measured of a subject in every round."""
+    """Return the functions that measure a subject in every round."""
 
     def driven(agent: Agent, prefix: str) -> Callable[[], Mapping[str, float]]:
         def work() -> Mapping[str, float]:

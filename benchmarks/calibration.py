@@ -81,7 +81,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Report:
-    """A title, the command that gives it, column names and rows; first column text, all others numbers."""
+    """A report: title, command, column names and rows; the first column is text, all others are numbers."""
 
     title: str
     notes: str
@@ -109,7 +109,7 @@ class Report:
 
 
 class Watch:
-    """Shows what the scheduler does (see `runner.scheduler.Observer`)."""
+    """Shows the progress of the scheduler (see `runner.scheduler.Observer`)."""
 
     def __init__(self, progress: Progress, total: int) -> None:
         self._progress = progress
@@ -123,7 +123,7 @@ class Watch:
 
 
 def drive_all(given: argparse.Namespace, agents: Sequence[str], settings: Sequence[str]) -> list[Score]:
-    """Return every episode's score. What the store has is not driven again, so what was cut off goes on."""
+    """Return every episode's score; stored episodes are not driven again, so an interrupted run continues."""
     chosen = RunOptions(
         routes=given.routes, routes_given=True, seeds=tuple(range(given.seeds)), stuck_stop_s=given.stuck_stop
     )
@@ -209,7 +209,7 @@ def calibration(scores: Sequence[Score], agents: Sequence[str], notes: str) -> t
 
 
 def drawn(passed: Report) -> str:
-    """Draw how many routes of each type every agent passes, as the text of an SVG; the same report gives the same."""
+    """Return an SVG of the number of passed routes by type and agent; equal reports give equal texts."""
     style: dict[Any, Any] = {"font.size": 9, "svg.hashsalt": "drive-robust", "text.color": "#222222"}
     with mpl.rc_context(style):
         figure = Figure(figsize=(8.6, 0.5 + 0.21 * len(passed.rows)), layout="constrained")
@@ -231,7 +231,7 @@ def drawn(passed: Report) -> str:
 
 
 def sensitivity(scores: Sequence[Score], agent: str, notes: str) -> Report:
-    """Report what every setting costs one agent: driving score, success rate, degradation, its paired interval."""
+    """Report the cost of every setting for one agent: driving score, success rate, RD with its paired interval."""
     _, clean = by_route(score for score in scores if score.setting == "clean")
     rows = []
     for setting in ("clean", *PAPER):
@@ -267,7 +267,7 @@ def parsed(argv: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def write(report: Report, path: Path) -> None:
-    """Replace the section of that title, or append it; other sections of the file stay."""
+    """Write the report as a section of a file: replace the section with its title, or append it."""
     text = path.read_text(encoding="utf-8") if path.exists() else "# How hard the bench is\n"
     parts = text.rstrip("\n").split("\n## ")
     kept = [parts[0], *(part for part in parts[1:] if part.split("\n", 1)[0] != report.title)]

@@ -1,6 +1,6 @@
-"""CPU time of one rendered frame, by rig and weather: a junction with lights, 20 actors around, the ego on its way.
+"""Measure the CPU time of a rendered frame, by rig and weather, at a junction with lights and 20 actors around the ego.
 
-Rigs and weathers alternate within every round, so that a machine that slows down slows all of them down.
+Rigs and weathers alternate within every round, so that a machine that slows down slows all cases alike.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ def _crowd(centres: np.ndarray, route: np.ndarray) -> np.ndarray:
 
 
 def frame_ms(rig: CameraRig, frames: Sequence[WorldState]) -> float:
-    """Return milliseconds of process time for one frame of the whole rig."""
+    """Return milliseconds of process time per frame of the whole rig."""
     start = time.process_time()
     for frame in frames:
         rig.render(frame)

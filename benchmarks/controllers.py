@@ -56,10 +56,10 @@ Steer = Callable[["Perfect", EgoState, float, Point], Control]
 class Perfect:
     """An agent whose waypoints are the expert's own future; `make` makes an episode's controller.
 
-    What the controller gives is driven as it is, or converted first where it is `for_plain_car`.
+    The controller's controls are applied unchanged, or converted if the controller is `for_plain_car`.
 
-    The expert drives on anew when the future that is known is `every` ticks old. Ticks are those of the observations:
-    under a setting that holds controls, `act` is not called in each of them.
+    The expert's future is computed anew when it is `every` ticks old. Ticks are those of the observations: under a
+    setting that holds controls, `act` is not called in every tick.
     """
 
     privileged = True
@@ -104,11 +104,11 @@ class Perfect:
 
     @property
     def age_ticks(self) -> int:
-        """How many ticks ago the expert was branched off."""
+        """Age of the expert's known future in ticks."""
         return self._tick - self._branched
 
     def waypoints(self, ego: EgoState, step_s: float, count: int) -> list[Point]:
-        """Return where the expert is after 1 to `count` steps, in the ego frame; after its end straight on."""
+        """Return the expert's places after 1 to `count` steps, in the ego frame; straight on after the known future."""
         points, last = list[Point](), len(self._future) - 1
         for row in (self.age_ticks + round(20.0 * step_s * k) for k in range(1, count + 1)):
             pose = self._future[min(row, last)]

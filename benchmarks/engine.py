@@ -126,7 +126,7 @@ def framework(rounds: int) -> Rows:
 
 
 class NoSurroundings(Surroundings):
-    """Sees nothing."""
+    """A `Surroundings` that ignores the state of the world."""
 
     def see(self, state: WorldState) -> None: ...
 
@@ -158,7 +158,7 @@ def recording(rounds: int) -> Rows:
 
 
 def drive_bare(world: EmbeddedSimulator, agent: Agent, route: Route) -> int:
-    """Drive as a user would write it, with no perturbation, trace or check, and return the ticks."""
+    """Drive with a loop as a user would write it, without perturbation, trace or check; return the number of ticks."""
     world.reset(route, seed=0, cameras=agent.sensors())
     agent.reset(world.plan(), 0)
     ticks = 0
@@ -175,7 +175,7 @@ def marginal_cpu_of_workers(requests: list[EpisodeRequest]) -> float:
 
 
 def cpu_of_workers(requests: list[EpisodeRequest]) -> float:
-    """Return CPU seconds of these episodes in one worker process, with its start and what this process does for it."""
+    """Return CPU seconds of the episodes in one worker process, with its start and this process's own share."""
     start = used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF)
     drive_all(ProcessExecutor(worker_setup, Limits(), slots=1), requests)
     return used(resource.RUSAGE_CHILDREN) + used(resource.RUSAGE_SELF) - start
@@ -243,7 +243,7 @@ def judging(rounds: int) -> Rows:
 
 
 def judged(folder: Path, scope: Scope) -> tuple[float, float]:
-    """Return CPU seconds of a verdict in a new campaign, and of what only the table shows."""
+    """Return CPU seconds of a verdict in a new campaign, and of the additional work of the table."""
     executor = InlineExecutor(default_registry(), simulator="embedded", options=OPTIONS, ticked=lambda: None)
     campaign = Campaign(FolderStore(folder), executor, Silence(), metrics="bench2drive")
     start = time.process_time()
@@ -280,7 +280,7 @@ def startup(rounds: int) -> Rows:
 
 
 def run_pytest(*arguments: str) -> tuple[float, float]:
-    """Return (wall seconds, CPU seconds) of a pytest run of its own with byte code kept, whatever its verdicts."""
+    """Return (wall seconds, CPU seconds) of a separate pytest run with cached byte code, for any verdicts."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
     start, before = time.perf_counter(), used(resource.RUSAGE_CHILDREN)

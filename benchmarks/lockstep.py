@@ -1,4 +1,4 @@
-"""What lockstep gains: the same episodes one by one and 4, 8, 16 at once, for nets of several sizes.
+"""Measure the gain of lockstep: equal episodes one by one and 4, 8, 16 at once, for nets of several sizes.
 
 Ticks per second of CPU time of the whole loop (embedded world, camera where the net has one, scoring, trace), one
 thread, in rounds that alternate. Needs torch for all but the first row.
@@ -33,7 +33,7 @@ TICKS = 60
 
 
 class NetAgent:
-    """Straight on at a speed that the net chooses: every episode is as long as the others."""
+    """Drives straight on at a speed that the net chooses, so that all episodes are equally long."""
 
     network: Callable[[Any], Any]
     cameras: tuple[CameraSpec, ...] = ()

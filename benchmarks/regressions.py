@@ -92,7 +92,7 @@ def mean_ds(snapshots: Sequence[Snapshot], agent: str, setting: str) -> float:
 def case_rows(
     name: str, agent: str, unchanged: Sequence[Snapshot], driven: Sequence[Snapshot], found: Sequence[Comparison]
 ) -> list[tuple[str, ...]]:
-    """Return one row a setting: what happened to the driving score, and what the comparisons said of it."""
+    """Return one row per setting: the change of the driving score, and the results of the comparisons."""
     rows = []
     for place, cell in enumerate(found[0].cells):
         usual = mean_ds(unchanged, agent, cell.setting)
@@ -105,7 +105,7 @@ def case_rows(
 
 
 def witness(comparison: Comparison, given: argparse.Namespace, late_ms: int, routes: Sequence[Route]) -> str:
-    """Drive the route that the message names again: does it show what the message says?"""
+    """Drive the message's route again; return in words whether the outcome is that of the message."""
     regression = comparison.regressions[0]
     flip = next((flip for flip in regression.flips if flip.fails), None)
     if flip is None:

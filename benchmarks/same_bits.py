@@ -75,13 +75,13 @@ SUITES = (
 """The twelve of `suites/paper`."""
 SETTINGS = ("clean", *STACKS, *SUITES[1:])
 MACHINE_DEPENDENT = "network"
-"""Its episodes are kept, and their controls driven again on every other machine."""
+"""The agent whose bits depend on the machine; its stored controls are driven again on every other machine."""
 PACKAGES = ("numpy", "numba", "scipy", "opencv-python-headless", "highway-env", "gymnasium")
 
 
 @dataclass(frozen=True)
 class Row:
-    """A machine, or an interpreter with other versions, and what is said of it in the table."""
+    """A row of the table: a machine, or an interpreter with other versions."""
 
     machine: Machine
     python: str = sys.executable
@@ -93,7 +93,7 @@ class Row:
 
 
 class Drives:
-    """What was driven, one file of JSON lines for each row, in a folder of one version of the code."""
+    """The finished drives, one file of JSON lines for each row, in a folder for one version of the code."""
 
     def __init__(self, folder: Path, *, ticks: int | None) -> None:
         self._folder = folder
@@ -108,13 +108,13 @@ class Drives:
             )
 
     def lines(self, row: Row) -> list[dict[str, Any]]:
-        """Return what is finished of a row; a line that was not written whole is left out."""
+        """Return the finished drives of a row, without a line that was not written whole."""
         file = self._file(row)
         lines = file.read_text().splitlines() if file.exists() else []
         return [read for line in lines if (read := _whole(line)) is not None]
 
     def add(self, row: Row, line: dict[str, Any]) -> None:
-        """Keep a line. It begins a new one, so that half a line before it spoils nothing."""
+        """Append a line, with a newline before it, so that an unfinished line before it does no harm."""
         with self._lock, self._file(row).open("a") as file:
             file.write("\n" + json.dumps(line))
 
@@ -143,7 +143,7 @@ def code_of_checkout() -> str:
 def drive_row(
     row: Row, order: dict[str, Any], drives: Drives, *, workers: int, advance: Callable[[], object]
 ) -> Driven:
-    """Drive what a row still lacks, in `workers` processes. Raises `RuntimeError` when one of them fails."""
+    """Drive the missing drives of a row in `workers` processes. Raises `RuntimeError` when a process fails."""
     wanted = labels_of(order)
     known = drives.lines(row)
     done = {line["label"] for line in known if "label" in line}
@@ -200,7 +200,7 @@ def _portable(label: str) -> bool:
 
 
 class Rows:
-    """The table, printed row by row as it grows: driving takes long."""
+    """The table, printed row by row, because driving takes long."""
 
     def __init__(self, agents: Iterable[str], console: Console) -> None:
         agents = list(agents)
@@ -241,7 +241,7 @@ def compare_rows(given: argparse.Namespace) -> None:
         for row in rows[1:]:
             try:
                 other = drive(row, stored=first.stored)
-            except RuntimeError as error:  # such as code for a processor that this one is not
+            except RuntimeError as error:  # e.g. code for another processor
                 progress.console.print(str(error), markup=False, highlight=False)
                 continue
             changed = ", ".join(other.changed(first)) or "nothing here"
@@ -250,7 +250,7 @@ def compare_rows(given: argparse.Namespace) -> None:
 
 
 def rows_of(given: argparse.Namespace) -> list[Row]:
-    """Return the first row, which all others are compared with, and those whose names were asked for."""
+    """Return the first row, the reference of all comparisons, and the rows that were asked for by name."""
     pythons = [str(Path(python)) for python in given.pythons]
     for python in given.versions:
         pythons += [str(environment(python, oldest=oldest, folder=Path(given.folder))) for oldest in (True, False)]
@@ -263,7 +263,7 @@ def rows_of(given: argparse.Namespace) -> list[Row]:
 
 
 def bounds() -> dict[str, str]:
-    """Return the lowest version of everything that is installed with the two distributions, and with tests of them."""
+    """Return the lowest allowed version of each requirement of the two distributions and of their tests."""
     found: dict[str, str] = {}
     for file in (_ROOT / "pyproject.toml", _AGENTS / "pyproject.toml"):
         text = file.read_text(encoding="utf-8")
@@ -273,7 +273,7 @@ def bounds() -> dict[str, str]:
 
 
 def environment(python: str, *, oldest: bool, folder: Path) -> Path:
-    """Return the interpreter of a virtual environment; it is made when it is not there."""
+    """Return the interpreter of a virtual environment, which is created if missing."""
     code = "import sys; print('%d.%d' % sys.version_info[:2])"
     version = subprocess.run([python, "-c", code], capture_output=True, text=True, check=True).stdout.strip()
     home = folder / f"{version}-{'oldest' if oldest else 'newest'}"
@@ -306,7 +306,7 @@ def first_with_wheel(pip: Sequence[str], name: str, bound: str) -> str:
 
 
 def installed_in(python: str) -> str:
-    """Return the versions of an interpreter and of what computes, as the name of a row."""
+    """Return the versions of an interpreter and of its computing libraries, as the name of a row."""
     code = (
         "import sys; from importlib.metadata import version as v; "
         f"print('Python %d.%d' % sys.version_info[:2], *(n + ' ' + v(n) for n in {PACKAGES!r}), sep=', ')"

@@ -31,12 +31,12 @@ from pytest_drive_robust.errors import DriveRobustError, UsageError
 
 CLEAN = "clean"
 FEWEST = 2
-"""Quartiles need two routes."""
+"""Least number of completed routes, because quartiles need two."""
 
 
 @dataclass(frozen=True, slots=True)
 class Driven:
-    """One route: its length in m, how long it took in s, whether the agent reached its end."""
+    """One driven route: its length in m, its time in s, and whether the agent completed the route."""
 
     length_m: float
     game_s: float
@@ -44,11 +44,11 @@ class Driven:
 
 
 Place = tuple[str | Path, int]
-"""What tells the drives of an agent apart: route and seed of a report, or official file and place in it."""
+"""The key of a drive of an agent: route and seed of a report, or official file and place in the file."""
 
 
 def drives_of(path: Path) -> Iterator[tuple[str, Mapping[Place, Driven]]]:
-    """Yield each agent of a file with its clean drives; official results name no agent and are called as their file is.
+    """Yield each agent of a file with its clean drives; official results have no agent's name and get the file's name.
 
     Raises `UsageError` for a file of neither kind.
     """
@@ -87,7 +87,7 @@ def _report(path: Path) -> dict[str, Any] | None:
 
 
 def _require_same_agent(agent: str, known: Mapping[Place, Driven], more: Mapping[Place, Driven], path: Path) -> None:
-    """Raise `UsageError` for what may be another agent of that name: of official results only the file has one."""
+    """Raise `UsageError` for drives that may belong to another agent, as official results have only a file name."""
     official = any(isinstance(source, Path) for source, _ in (*known, *more))
     if known and official and known.keys().isdisjoint(more):
         raise UsageError(

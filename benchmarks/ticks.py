@@ -1,4 +1,4 @@
-"""Ticks per second of the embedded world, bare, with a camera, with perturbations, and as the whole loop.
+"""Measure ticks per second of the embedded world: bare, with a camera, with perturbations, and as the whole loop.
 
 The reference is `highway-v0`'s own `env.step` at 20 Hz with as many vehicles, in rounds that alternate with ours.
 """
@@ -65,7 +65,7 @@ def world(ticks: int) -> Callable[[], int]:
         start = world.snapshot()
         for number in range(ticks):
             if number % COUNTED_TICKS == 0:
-                world.restore(start)  # nobody steers: later the ego is far away from everybody
+                world.restore(start)  # nobody steers, so later the ego would be far from all traffic
             tick(CONTROL)
         return ticks
 
@@ -120,7 +120,7 @@ def highway(vehicles: int, ticks: int) -> Callable[[], int]:
 
 
 def vehicles_on(route: Route) -> float:
-    """Count the ego and the vehicles that are on the road, on average over ten seconds."""
+    """Return the mean number of vehicles on the road, the ego included, over ten seconds."""
     simulator = EmbeddedSimulator()
     state = simulator.reset(route, seed=0, cameras=())
     counts = []

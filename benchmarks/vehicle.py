@@ -47,7 +47,7 @@ def fitted_acceleration(speed_mps: float, control: Control) -> float | None:
 
 
 class Driven:
-    """The ego on a road, alone for what is asked of it."""
+    """The ego on a road, without interference by others, to measure its responses."""
 
     def __init__(self) -> None:
         self._simulator = EmbeddedSimulator(SimulatorOptions(tick_cap=10**9))

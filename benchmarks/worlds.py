@@ -36,14 +36,14 @@ class Drives(NamedTuple):
 
 
 Rows = Mapping[str, tuple[Drives, Drives]]
-"""What one agent drove under each setting, in the older and in the newer world."""
+"""The drives of one agent under each setting, in the older and in the newer world."""
 
 
 def rows_of(older: Results, newer: Results) -> dict[str, Rows]:
-    """Return the rows that every agent has in both.
+    """Return by agent the rows in both results.
 
-    Raises `ComparisonError` where they share no route, seed or row, and for an agent with other options, weights or
-    stop of standing cars: that is no other world.
+    Raises `ComparisonError` when the results share no route, seed or row, and for an agent with different options,
+    weights or stop of standing cars, because then not only the world differs.
     """
     routes = [route for route, facts in older.routes.items() if newer.routes.get(route) == facts]
     seeds = [seed for seed in older.seeds if seed in newer.seeds]
@@ -81,9 +81,9 @@ def _drives(world: Results, agent: str, setting: str, routes: Sequence[str], see
 
 
 def largest_change(rows: Rows) -> str:
-    """Return the largest difference of RD and its setting; "-" where no row has one.
+    """Return the largest difference of RD and its setting; "-" when no row has an RD.
 
-    A row has none without its clean drives, and where they have no score: nothing is lost there.
+    A row has no RD without its clean drives, or when the clean driving score is 0.
     """
     changes = [
         (abs(_rd(rows, setting, 1) - _rd(rows, setting, 0)), setting)
@@ -98,7 +98,7 @@ def _rd(rows: Rows, setting: str, world: int) -> float:
 
 
 def counts(rows: Sequence[tuple[Drives, Drives]]) -> tuple[str, ...]:
-    """Return the cells that are counted: episodes, those with another score, mean scores, other successes."""
+    """Return the counted cells: episodes, episodes with another score, mean scores, episodes with another success."""
     scores = [pair for older, newer in rows for pair in zip(older.scores, newer.scores, strict=True)]
     successes = [pair for older, newer in rows for pair in zip(older.successes, newer.successes, strict=True)]
     before, after = (mean(values) for values in zip(*scores, strict=True))

@@ -1,6 +1,6 @@
-"""`blind`: follows the plan by raw GPS at one speed and looks at nothing. What it passes, no camera is needed for.
+"""`blind`: follows the plan by raw GPS at one speed and looks at nothing. A route that it passes needs no camera.
 
-A score below or near its own says nothing about what an agent sees.
+A driving score below or near that of `blind` says nothing about an agent's perception.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _LATERAL_MPS2, _BRAKE_MPS2 = 2.8, 2.0
 _GAIN_PER_S, _ACCEL_MPS2, _HARDEST_MPS2 = 1.5, 2.5, 4.0
 _BACK_ROWS, _AHEAD_ROWS = 5, 15
 _BEYOND_M = 30.0
-"""It drives on where the plan ends."""
+"""Metres by which the line continues beyond the plan's end."""
 
 
 class Blind:
@@ -45,7 +45,7 @@ class Blind:
 
     @classmethod
     def check(cls, speed: float = 8.0) -> None:
-        """Raise `UsageError` for a speed that it cannot keep."""
+        """Raise `UsageError` for a speed that is not finite and above 0."""
         if not (math.isfinite(speed) and speed > 0.0):
             raise UsageError(f"blind has the speed {speed!r}, expected m/s above 0, as in 'blind:speed=8'.")
 
@@ -75,7 +75,7 @@ class Blind:
 
 
 def _line_through(plan: GlobalPlan) -> Floats:
-    """Return (n, 3) x, y, yaw, one row a metre, through the dense plan or, where there is none, the sparse one.
+    """Return (n, 3) x, y, yaw, one row a metre, through the dense plan, or through the sparse plan without it.
 
     Raises `ValueError` for a plan without points.
     """
@@ -97,7 +97,7 @@ def _line_through(plan: GlobalPlan) -> Floats:
 
 
 def _state(observation: Observation) -> EgoState:
-    """Return what the sensors say of the vehicle itself; its size is not asked for."""
+    """Return the ego's state as measured by its sensors; the size is not used."""
     imu = observation.imu
     return EgoState(
         x_m=observation.gps.x_m,

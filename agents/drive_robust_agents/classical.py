@@ -1,9 +1,9 @@
 """`classical`: a modular pipeline of the old school, with a channel for every perturbation to hurt.
 
-Raw GPS and compass place the vehicle on a smooth path through the sparse plan; the camera corrects the path by the
-lane's markings, finds what stands in the way, and sees lamps and stop signs (`_classical.vision`: it knows the palette
-of its world); two controllers turn that into steering and pedals. Nothing is filtered that a deployed agent of this
-kind would not filter: a noisy GPS reaches the steering wheel, a wrong speed the pedals, a frozen image everything.
+Raw GPS and compass place the vehicle on a smooth path through the sparse plan. The camera corrects the path by the
+lane's markings, finds bodies in the way, and detects lamps and stop signs (`_classical.vision`, which knows the palette
+of its world). Two controllers compute steering and pedals. Inputs are filtered no more than in a deployed agent of this
+kind: a noisy GPS reaches the steering wheel, a wrong speed the pedals, a frozen image everything.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _AHEAD_POINTS = 44
 
 
 class Classical:
-    """Drives by GPS, compass, speed and one front camera; stops for what it sees, and steps aside a little."""
+    """Drives by GPS, compass, speed and one front camera; stops for bodies in the way, and steps aside a little."""
 
     portable_bits = True
     consumes: frozenset[str] = frozenset({"cameras", "gps", "compass", "speed"})
@@ -70,12 +70,12 @@ class Classical:
         return PlannedPath(path=tuple((float(x), float(y)) for x, y in self._way[1:31]))
 
     def act(self, observation: Observation) -> Control:
-        """Perceive, choose a speed, steer."""
+        """Return the control: perceive, choose a speed, steer."""
         yaw, speed = observation.compass.yaw_rad, observation.speed.mps
         if self._path is None:
             self._path, self._yaw_rad = PlanPath(self._plan, yaw), yaw
         pixels = observation.cameras[CAMERA.name].pixels
-        ticks = 1 if self._tick is None else max(observation.tick - self._tick, 1)  # more when controls are held
+        ticks = 1 if self._tick is None else max(observation.tick - self._tick, 1)  # above 1 when controls are held
         self._tick = observation.tick
         elapsed_s = ticks * mkz.TICK_S
         travelled, turned = speed * elapsed_s, math.remainder(yaw - self._yaw_rad, math.tau)
@@ -101,13 +101,13 @@ class Classical:
     def _correct(
         self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
     ) -> Floats:
-        """Move the plan's course towards the middle of the lane that the camera sees, where the path keeps to it."""
+        """Return the plan's course moved to the middle of the seen lane, on stretches where the path keeps its lane."""
         on_road = to_lane_end > -1.0 and self._entered
         if on_road and not self._on_road:
             self._lane.forget(*_line(course, _OFF_LANE_M))
         self._on_road = on_road
         way: Floats = course.copy()
-        if self._overtake.offset_m < 0.0:  # the markings are those of another lane: what was learnt before holds
+        if self._overtake.offset_m < 0.0:  # the markings belong to another lane: keep the last correction
             way[:, 1] += self._shift_m
             self._lane.forget(*_line(way, math.inf))
         elif on_road:
@@ -121,7 +121,7 @@ class Classical:
         return way
 
     def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, ticks: int) -> bool:
-        """Move the way to the left of what stands in the lane; true while it is moved."""
+        """Move the way to the left of a body in the lane; return True while the way is moved."""
         matters = self._overtake.passing or speed < _SLOW_MPS or not self._entered
         along, right = beside(bases if matters else bases[:0], self._way).T
         if not self._entered and not self._go:
@@ -167,7 +167,7 @@ class Classical:
         return Control(throttle=throttle, steer=steer, brake=brake)
 
     def _aim(self, look_m: float) -> tuple[float, float]:
-        """Return the first point of the way that is farther off than `look_m`, its first one when there is none."""
+        """Return the first point of the way farther away than `look_m`, or the way's first point if none is."""
         for ahead, aside in self._way.tolist():
             if ahead * ahead + aside * aside > look_m * look_m:
                 return ahead, aside
@@ -175,7 +175,7 @@ class Classical:
 
 
 def _line(course: Floats, most_m: float) -> tuple[float, float]:
-    """Return (offset, slope) of a line through the first ten metres of a course, no farther off than so many metres."""
+    """Return (offset, slope) of a line through the first ten metres of a course, the offset limited to `most_m`."""
     dx, dy = course[10] - course[0]
     slope = float(dy) / max(float(dx), 1.0)
     offset = float(course[0, 1]) - slope * float(course[0, 0])

@@ -11,7 +11,7 @@ __all__ = ["Constant"]
 
 
 class Constant:
-    """Drives straight on with a fixed throttle, 0 to 1, and looks at nothing. Raises `UsageError` for another."""
+    """Drives straight on with a fixed throttle, 0 to 1, without sensors. Raises `UsageError` for another throttle."""
 
     portable_bits = True
     consumes: frozenset[str] = frozenset()
@@ -31,7 +31,7 @@ class Constant:
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
-        """Do nothing: there is nothing to forget."""
+        """Do nothing, because the agent has no memory."""
 
     def act(self, observation: Observation) -> Control:
         """Return the same control in every tick."""

@@ -1,17 +1,17 @@
 """`expert`: a privileged rule-based planner, the upper end of every table.
 
-It sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each with modules of its own in
+The expert sees the ground truth (as PDM-Lite does in CARLA) and drives in three steps, each with its own modules in
 `_planning`:
 
-1. forecast everybody else along the lanes (`traffic`, `tracks`);
-2. choose where to drive: the lanes of the route (`lane_changes`), a way around what stands in them (`obstacles`); a
-   new manoeuvre begins only when the forecast says that it can be driven to its end;
-3. choose how fast: the strongest acceleration that stays out of trouble (`speed`, `forecast`), given where lights,
-   signs and junctions make it wait (`right_of_way`).
+1. forecast all actors along the lanes (`traffic`, `tracks`);
+2. choose the path: the lanes of the route (`lane_changes`), or a way around obstacles (`obstacles`); a new manoeuvre
+   begins only when the forecast says that the manoeuvre can be completed;
+3. choose the speed: the strongest acceleration without trouble (`speed`, `forecast`), given the places where lights,
+   signs and junctions make the ego wait (`right_of_way`).
 
-It knows no actor's intentions: where traffic goes at a fork it learns by watching. It reads the tick of each
-observation: asked only every few ticks, as under latency in the mode `hold`, it still knows how hard the others
-accelerate and for how long anybody has been standing.
+The expert knows no actor's intentions, and learns the ways of traffic at forks by watching. The expert reads the tick
+of each observation. When it acts only every few ticks, as under latency in the mode `hold`, it still knows the
+accelerations and standing times of all actors.
 """
 
 from __future__ import annotations
@@ -41,28 +41,29 @@ from pytest_drive_robust.jit.arrays import Floats
 __all__ = ["Expert"]
 
 _WAIT_BEFORE_M = 7.0
-"""Before something that has to be passed the front bumper stops so far away, to have room for the way around."""
+"""Distance at which the front bumper stops before an obstacle, which leaves room for the way around."""
 _CHANGE_FREE_S = 6.0
 _PASS_EARLY_M, _PASS_LOOK_M, _DOUBTS = 10.0, 90.0, 6
 _PARKED_FROM_M = 1.5
 _NEAR_M, _NEAR_S, _BORROW_AFTER_S = (10.0, 30.0), 3.0, 5.1
-"""The lane of the oncoming traffic is free so long after the ego came near what is in the way (all scenarios with
-`TwoWays` in Bench2Drive): within 3 s at its speed, 10 to 30 m."""
+"""Distances and time at which the ego counts as near an obstacle (within 3 s at its speed, limited to 10..30 m), and
+the seconds after which the oncoming lane is free then (all scenarios with `TwoWays` in Bench2Drive)."""
 _HALT_MPS2 = 4.0
-"""It stops like this when it is nearer than that already."""
+"""Deceleration to stop when the ego is nearer than `_WAIT_BEFORE_M` already."""
 _SLOWER = 0.9
-"""While a lane change waits for a gap the ego is so much slower than who drives in that lane."""
+"""Speed of an ego that waits for a gap, as a share of the speed of traffic in the new lane."""
 _INVADER_GAP_M, _INVADER_TICKS = 0.5, 600
 _EDGE_M = 0.3
-"""So far beyond the right edge of its lane the ego goes to keep clear of an invader."""
+"""Distance beyond the right edge of its lane to which the ego moves to avoid an invader."""
 
 
 class Expert:
-    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes what is in the way, lets sirens past.
+    """Obeys lights and stop signs, waits for gaps, changes lanes, overtakes obstacles, lets sirens past.
 
-    `room_s` is how many more seconds it leaves to those whose way it crosses, `halt_s` how long it stands at a stop
-    sign. As it knows exactly where everybody is, it needs neither; who learns from it by looking does
-    (`training.data.expert_episode`). Raises `UsageError` for what is no time.
+    `room_s` is the additional time in seconds left to actors whose way the ego crosses, `halt_s` the time of a stop at
+    a stop sign. The expert needs neither, because it knows the exact places of all actors; agents that learn from it
+    by looking need both (`training.data.expert_episode`). Raises `UsageError` for seconds that are not finite and at
+    least 0.
     """
 
     privileged = True
@@ -115,15 +116,15 @@ class Expert:
         return PlannedPath(path=tuple((x * c + y * s, y * c - x * s) for x, y in ahead))
 
     def intent(self) -> Intent:
-        """Return what is behind the last control. Raises `ValueError` before the first one of an episode."""
+        """Return the reasons of the last control. Raises `ValueError` before the first control of an episode."""
         if self._intent is None:
             raise ValueError("the expert has not acted yet in this episode: call act(observation) first")
         return self._intent
 
     def fork(self) -> Expert:
-        """Return another expert in the same state: neither changes what the other does from here on.
+        """Return an independent copy of the expert in its present state.
 
-        They share the map, which does not change.
+        Both share the map, which does not change.
         """
         memo: dict[int, object] = {}
         if self._scene is not None:
@@ -131,7 +132,10 @@ class Expert:
         return copy.deepcopy(self, memo)
 
     def act(self, observation: Observation) -> Control:
-        """Plan on the ground truth. Raises `ValueError` when there is none (the loop gives it to privileged agents)."""
+        """Return the control, planned on the ground truth. Raises `ValueError` without ground truth.
+
+        The episode loop gives ground truth to privileged agents.
+        """
         truth = observation.truth
         if truth is None:
             raise ValueError("expert needs Observation.truth: it is a privileged agent")
@@ -139,7 +143,7 @@ class Expert:
             self._scene = StaticScene(truth)
             self._lanes = LaneChanges(self._scene)
         assert self._lanes is not None
-        # it cannot be asked twice in one moment; who repeats a tick means the next one
+        # a repeated tick counts as the next tick
         self._ticks = 1 if self._tick is None else max(1, observation.tick - self._tick)
         self._tick = observation.tick
         now = self._see(self._scene, truth)
@@ -161,7 +165,7 @@ class Expert:
         return self._control(truth.state.ego, profile, now, acceleration, stop)
 
     def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
-        """Gather everything that the decisions of this tick need."""
+        """Return the data for all decisions of this tick."""
         world, ego = truth.state, truth.state.ego
         elapsed_s = TICK_S * self._ticks
         self._traffic.update(world, scene.graph, elapsed_s)
@@ -186,7 +190,7 @@ class Expert:
         return self._parked
 
     def _choose_lane(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Obstacle | None:
-        """Begin what can be begun; return the obstacle that has to be waited for, or None."""
+        """Begin the manoeuvres that are possible now; return the obstacle before which the ego has to wait, or None."""
         if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
             self._pass = None
         for shift in self._siren.shifts(now.scene, self._traffic, truth.state, now.row):
@@ -210,7 +214,7 @@ class Expert:
             self._held_back = True
 
     def _go_around(self, lanes: LaneChanges, now: Situation) -> Obstacle | None:
-        """Pass what is in the lane; return it while the way around is not free."""
+        """Begin to pass an obstacle in the lane; return the obstacle while the way around is not free."""
         ahead = nearest_obstacle(now.scene, self._traffic, lanes.profile, now.row)
         if ahead is None:
             self._near_s = 0.0
@@ -233,7 +237,7 @@ class Expert:
         return ahead
 
     def _watch(self, ahead: Obstacle, now: Situation) -> None:
-        """Count the seconds since the ego came near what is in the way."""
+        """Count the seconds since the ego came near the obstacle."""
         near_m = min(max(_NEAR_S * now.speed_mps, _NEAR_M[0]), _NEAR_M[1])
         if self._near_s > 0.0 or ahead.first_row - now.row < near_m:
             self._near_s += now.elapsed_s
@@ -260,7 +264,7 @@ class Expert:
         return lanes.profile + self._keep_right(now)
 
     def _keep_right(self, now: Situation) -> float:
-        """Return metres to the right while somebody oncoming reaches into the lane, and a little longer."""
+        """Return metres to move right while an invader reaches into the lane, and for `_INVADER_TICKS` afterwards."""
         scene = now.scene
         half_lane = 0.5 * scene.lane_at(now.row).width_m
         edge = invader_edge(scene, self._traffic.boxes, now.row, half_lane)
@@ -272,13 +276,13 @@ class Expert:
         return self._aside_m if self._aside_ticks > 0 else 0.0
 
     def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:
-        """Return whether the ego is leaving a parking space, between two lanes, or in a lane that is not its own."""
+        """Return whether the ego leaves a parking space, is between two lanes, or is outside its own lane."""
         k = now.scene.index(now.row)
         passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
         return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
 
     def _before(self, obstacle: Obstacle | None, now: Situation) -> float:
-        """Return the row at which to wait for a way around."""
+        """Return the row at which the front bumper waits for a way around, infinite without an obstacle."""
         if obstacle is None or (obstacle.moving and self._near_s >= _BORROW_AFTER_S):
             return math.inf
         front = now.row + now.scene.half_length_m

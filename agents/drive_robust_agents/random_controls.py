@@ -11,7 +11,7 @@ __all__ = ["RandomControls"]
 
 
 class RandomControls:
-    """A new random control every half second, the same ones for the same seed."""
+    """Draws a new random control every half second; equal seeds give equal controls."""
 
     portable_bits = True
     consumes: frozenset[str] = frozenset()

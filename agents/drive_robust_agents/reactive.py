@@ -1,7 +1,7 @@
-"""`reactive`: follows its lane and brakes for what is ahead in it, nothing else. The bar that a bench must be above.
+"""`reactive`: follows its lane and brakes for bodies ahead in it, nothing else. A benchmark must be harder than this.
 
-It sees the ground truth, yet reads no lights and no signs, yields to nobody and overtakes nothing: what it passes
-needs no thought. A bench on which it does well measures lane keeping only.
+`reactive` sees the ground truth, but reads no lights and no signs, yields to nobody and overtakes nothing. Routes that
+it passes need no planning. A benchmark on which it scores well measures lane keeping only.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _CORRIDOR_MARGIN_M = 0.2
 
 
 class Reactive:
-    """The intelligent driver model on the nearest body in the ego's corridor along the route."""
+    """Drives by the intelligent driver model on the nearest body in the ego's corridor along the route."""
 
     privileged = True
     portable_bits = True
@@ -36,7 +36,7 @@ class Reactive:
         self._limits: Floats | None = None
 
     def sensors(self) -> Sequence[CameraSpec]:
-        """Return no cameras: it sees the ground truth."""
+        """Return no cameras, because the agent sees the ground truth."""
         return ()
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -44,7 +44,10 @@ class Reactive:
         self._limits = None
 
     def act(self, observation: Observation) -> Control:
-        """Follow the route. Raises `ValueError` without ground truth (the loop gives it to privileged agents)."""
+        """Return the control that follows the route. Raises `ValueError` without ground truth.
+
+        The episode loop gives ground truth to privileged agents.
+        """
         truth = observation.truth
         if truth is None:
             raise ValueError("reactive needs Observation.truth: it is a privileged agent")

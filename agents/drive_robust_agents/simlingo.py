@@ -53,7 +53,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 __all__ = ["CAMERAS", "Filtered", "SimLingo"]
 
 Filtered = Literal["published", "elapsed", "none"]
-"""How the position is filtered: see `SimLingo`."""
+"""The choices of the position filter; see `SimLingo`."""
 
 CAMERAS = rig("simlingo", width_px=256, height_px=128)
 """One wide camera above and behind the driver, at a quarter of the published resolution."""
@@ -64,24 +64,24 @@ _FULL_BRAKE = Control(brake=1.0)
 class SimLingo(LearnedAgent):
     """One front camera, filtered position and raw speed in; a path, waypoints, maybe a sentence, and a control out.
 
-    `commentary` lets it say what it does, and why, before it plans (`said`). `instruction` is a sentence that it keeps
-    to for whole episodes: `"drive at 8 m/s"`, `"change lane to the left"` (`_nets.prompts.PHRASES` has them all); with
-    `safety` it may refuse it.
+    `commentary` lets the agent say its next action, and why, before planning (`said`). `instruction` is a sentence that
+    the agent obeys for whole episodes: `"drive at 8 m/s"`, `"change lane to the left"` (all in
+    `_nets.prompts.PHRASES`); with `safety` the agent may refuse the instruction.
 
-    `position_filter` says where it takes the vehicle to be, which is where its target points are seen from:
+    `position_filter` chooses the assumed pose of the vehicle, from which target points are seen:
 
-    * `"published"`: where the Kalman filter has it, which takes every call for 0.05 s whatever the clock says;
-    * `"elapsed"`: where the same filter has it, told by the observation's tick how long ago the last call was;
-    * `"none"`: where GPS and compass have it.
+    * `"published"`: the pose of the Kalman filter, which counts every call as 0.05 s, whatever the clock says;
+    * `"elapsed"`: the pose of this filter with the true time between calls, by the observation's tick;
+    * `"none"`: the pose of GPS and compass.
 
-    The first two are the same to the bit while it is asked in every tick. Both predict with the car
-    as the embedded world has it, or with `tuning="published"` as the published filter does. `tuning` is that of
-    `LearnedAgent`; the published numbers, made for this car, drive it better than ours.
+    The first two are equal to the bit while the agent acts in every tick. Both predict with the car of the embedded
+    world, or with `tuning="published"` with the car of the published filter. `tuning` is that of `LearnedAgent`; the
+    published numbers, made for this car, drive it better than ours.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"`
-    or `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for sentences and filters that it does not know, and for weights that are
-    missing or not what their manifest says.
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for unknown sentences and filters, and for weights that are missing or differ from their
+    manifest.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
@@ -121,7 +121,7 @@ class SimLingo(LearnedAgent):
 
     @classmethod
     def check(cls, **options: Any) -> None:
-        """Raise `UsageError` for filters and sentences that it does not know, and for what `LearnedAgent` refuses."""
+        """Raise `UsageError` for unknown filters and sentences, and for the options that `LearnedAgent` refuses."""
         _require_filter(options.get("position_filter", "published"))
         _told(options.get("instruction"), safety=options.get("safety", False))
         super().check(**options)
@@ -153,7 +153,7 @@ class SimLingo(LearnedAgent):
         return NetworkRow(inputs, targets)
 
     def _place(self, observation: Observation) -> PoseEstimate:
-        """Return where it takes the vehicle to be. Once a call: the filter remembers."""
+        """Return the assumed pose of the vehicle; call once per `act`, because the filter has a memory."""
         speed_mps = observation.speed.mps
         if self.position_filter == "none":
             return PoseEstimate(*Sensed.of(observation), speed_mps)
@@ -173,7 +173,7 @@ class SimLingo(LearnedAgent):
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """Steer along the path and drive by the waypoints; the first tick of an episode brakes."""
+        """Return the control: steer along the path, drive by the waypoints; brake in the first tick of an episode."""
         path, waypoints = (tuple((x, y) for x, y in outputs[name].tolist()) for name in ("path", "waypoints"))
         self._planned = PlannedPath(path, targets, waypoints)
         if self.commentary:

@@ -42,11 +42,11 @@ CAMERAS = rig("tcp", width_px=160, height_px=96)
 
 
 def joined(pictures: Sequence[Pixels]) -> Pixels:
-    """Return the pictures of the three cameras, (..., 96, 160, 3) each, as one of (..., 96, 384, 3), left to right.
+    """Return one picture (..., 96, 384, 3) of the pictures of the three cameras, (..., 96, 160, 3) each, left to right.
 
-    Neighbours see the same at their edges, so a tenth of the width is left out on either side of each. (Published: an
-    eighth, which would leave a width that the strides of the network do not divide.) Source: Bench2DriveZoo
-    `team_code/tcp_b2d_agent.py`, `tick`.
+    Neighbouring cameras overlap at their edges, so a tenth of the width is cut from either side of each picture.
+    (Published: an eighth, which would leave a width that the strides of the network do not divide.) Source:
+    Bench2DriveZoo `team_code/tcp_b2d_agent.py`, `tick`.
     """
     width = pictures[0].shape[-2]
     edge = width // 10
@@ -57,9 +57,10 @@ _JOINED = joined([np.zeros((camera.height_px, camera.width_px, 3), dtype=np.uint
 
 
 class Fusion:
-    """Which branch leads: the control branch while the vehicle is turning, the trajectory branch otherwise.
+    """Mixes two branches: the control branch leads while the vehicle is turning, else the trajectory branch.
 
-    Published: turning is when more than 10 of the last 20 steerings were beyond 0.1; who leads has a weight of 0.7.
+    Published: the vehicle is turning when more than 10 of the last 20 steerings were beyond 0.1; the leading branch has
+    a weight of 0.7.
     """
 
     LEADS, OF_LAST, TURNS_FROM, MORE_THAN = 0.7, 20, 0.1, 10
@@ -68,7 +69,7 @@ class Fusion:
         self._steered: deque[bool] = deque(maxlen=self.OF_LAST)
 
     def merge(self, trajectory: Control, control: Control) -> Control:
-        """Average both branches' answers by their weights."""
+        """Return the weighted mean of both branches' controls."""
         turning = sum(self._steered) > self.MORE_THAN
         lead, other = (control, trajectory) if turning else (trajectory, control)
         a, b = self.LEADS, 1.0 - self.LEADS
@@ -79,7 +80,7 @@ class Fusion:
         )
 
     def applied(self, steer: float) -> None:
-        """Remember what the car was given."""
+        """Remember the steering that was given to the car."""
         self._steered.append(abs(steer) > self.TURNS_FROM)
 
 
@@ -88,9 +89,9 @@ class TCP(LearnedAgent):
 
     `tuning` is that of `LearnedAgent`.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for unknown modes and for weights that are missing or not what their manifest says.
+    tests. Raises `UsageError` for unknown modes and for weights that are missing or differ from their manifest.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
@@ -120,7 +121,7 @@ class TCP(LearnedAgent):
 
     @classmethod
     def check(cls, **options: Any) -> None:
-        """Raise `UsageError` for an unknown mode and for what `LearnedAgent.check` refuses."""
+        """Raise `UsageError` for an unknown mode and for the options that `LearnedAgent.check` refuses."""
         _mode_called(options.get("mode", "traj"))
         super().check(**options)
 
@@ -149,7 +150,7 @@ class TCP(LearnedAgent):
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """Drive by the branch of the mode; the first tick of an episode coasts."""
+        """Return the control of the mode's branch; coast in the first tick of an episode."""
         waypoints = tuple((x, y) for x, y in outputs["waypoints"].tolist())
         self._planned = PlannedPath(waypoints, targets, waypoints)
         if self._coasts:
@@ -158,7 +159,7 @@ class TCP(LearnedAgent):
         speed_mps = observation.speed.mps
         control = self._given(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
         if self.mode != "traj":
-            direct = _direct(outputs["action"].tolist())  # learned from this car's controls: nothing is to be converted
+            direct = _direct(outputs["action"].tolist())  # learned from this car's controls, so needs no conversion
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
             if self._numbers.full_brake and control.brake > 0.0:
                 control = Control(control.throttle, control.steer, 1.0)

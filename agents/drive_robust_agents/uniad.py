@@ -49,7 +49,7 @@ from drive_robust_agents._wrappers.tuning import Tuning
 __all__ = ["OCCUPIED_FROM", "UniAD"]
 
 OCCUPIED_FROM = 0.5
-"""Cells that are occupied with at least this probability are kept clear of."""
+"""Least probability of occupancy of cells that the plan keeps clear of."""
 
 _CENTRES = BevSpec().centres(finer=2)
 
@@ -59,10 +59,9 @@ class UniAD(BevAgent):
 
     `optimise=False` leaves the plan as the network gives it. `tuning` is that of `LearnedAgent`.
 
-    `weights` is a file with its `manifest.json` beside it;
-    those that ship by default. `engine` is `"onnx"` or `"torch"`; `device`, `dtype` and `threads` are those of
-    `_nets.inference`. `network` replaces the network, for tests. Raises `UsageError` for weights that are missing or
-    not what their manifest says.
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
+    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
+    tests. Raises `UsageError` for weights that are missing or differ from their manifest.
     """
 
     name = "uniad"
@@ -91,7 +90,7 @@ class UniAD(BevAgent):
         self._optimise = optimise
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-        """Move the network's plan off what will be occupied."""
+        """Return the network's plan, moved off the cells that will be occupied."""
         plan = outputs["waypoints"]
         if not self._optimise or not np.isfinite(plan).all():
             return plan

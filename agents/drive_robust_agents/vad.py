@@ -42,9 +42,9 @@ class VAD(BevAgent):
 
     `tuning` is that of `LearnedAgent`.
 
-    `weights` is a file with its `manifest.json` beside it; those that ship by default. `engine` is `"onnx"` or
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
     `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for weights that are missing or not what their manifest says.
+    tests. Raises `UsageError` for weights that are missing or differ from their manifest.
     """
 
     name = "vad"

@@ -1,1 +1,1 @@
-"""What `benchmarks/paper.py` is made of: the published table, results, estimates, patterns, pictures and pages."""
+"""The modules of `benchmarks/paper.py`: the published table, results, estimates, patterns, pictures and pages."""

@@ -1,4 +1,4 @@
-"""How well the cells of the table, RD of an agent in a row, agree with the paper's."""
+"""Agreement of the table's cells (RD of an agent in a row) with the paper's cells."""
 
 from __future__ import annotations
 
@@ -20,22 +20,23 @@ DRAWS = 2_000
 
 _SEED = 0
 _DIGITS = 9
-"""So that cells which are equal but for the order of a sum share their rank."""
+"""Digits to which values are rounded, so that cells that differ only by the order of a sum share their rank."""
 
 _FEWEST_CELLS = 6
-"""Fewer are in order by chance too often, three of them once in six times, and drawing routes does not show that."""
+"""Least number of cells. Fewer cells are often in order by chance (three cells in one of six cases), which drawing
+routes does not show."""
 
 _Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """`driven` of the `cells` are compared with the paper's.
+    """The comparison of `driven` of the `cells` with the paper's cells.
 
-    `correlation` is Spearman's, 1.96 standard errors to either side: those of drawing the routes again with
-    replacement, the same for all cells. The percentiles of the draws are no interval here: every draw adds noise to
-    the cells, so nearly all lie nearer to 0 than the estimate. `difference` is the mean absolute difference of RD. Each
-    is None where too few cells were driven, the correlation also where the cells of some draw do not differ.
+    `correlation` is Spearman's with 1.96 standard errors to either side, from routes drawn again with replacement, with
+    equal draws for all cells. The percentiles of the draws are no interval here: every draw adds noise to the cells, so
+    nearly all draws lie nearer to 0 than the estimate. `difference` is the mean absolute difference of RD. Each is None
+    when too few cells were driven, the correlation also when the cells of some draw do not differ.
     """
 
     cells: int
@@ -65,7 +66,7 @@ def agreement(drives: Drives, rows: Sequence[str], agents: Sequence[str] = AGENT
 
 
 def _degradations(weights: _Values, clean: _Values, perturbed: _Values) -> _Values:
-    """Return RD by set of weights and cell; NaN where the clean score of a draw is 0."""
+    """Return RD by set of route weights and cell; NaN where the clean score of a draw is 0."""
     before = weights @ clean
     rounded: _Values = np.round(1.0 - (weights @ perturbed) / np.where(before > 0.0, before, np.nan), _DIGITS)
     return rounded
@@ -95,6 +96,6 @@ def rank_correlations(rows: _Values, other: _Values) -> _Values:
 
 
 def _centred_ranks(rows: _Values) -> _Values:
-    """Return ranks around 0, equal values sharing the mean of theirs: how many are less minus how many are more."""
+    """Return ranks around 0, the count of lower values minus the count of higher values; equal values share a rank."""
     ranks: _Values = np.sign(rows[:, :, None] - rows[:, None, :]).sum(axis=2)
     return ranks

@@ -1,9 +1,9 @@
-"""Figures over routes, each with its 95 % interval; the route is the unit of analysis and every comparison is paired.
+"""Figures over routes with 95 % intervals; the route is the unit of analysis, and every comparison is paired.
 
-A figure is of one row of the table or, of several, their plain mean, as the paper averages them; it is None where a row
-was not driven. RD and the means have the package's own intervals (`pytest_drive_robust.stats.intervals`). What compares
-several RDs, also of different agents or with different clean drives, is a smooth function of means over the same
-routes: its interval is the jackknife's.
+A figure belongs to one row of the table, or is the plain mean of several rows, as in the paper; it is None when a row
+was not driven. RD and the means have the package's own intervals (`pytest_drive_robust.stats.intervals`). A comparison
+of several RDs, also of different agents or with different clean drives, is a smooth function of means over common
+routes and has the jackknife's interval.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = [
 ]  # fmt: skip
 
 Means = NDArray[np.float64]
-"""A mean over all routes, then over all but the first, all but the second ...: (1 + routes,)."""
+"""Means (1 + routes,): over all routes, then over all routes but the first, all but the second, ..."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +97,7 @@ def rd_means(drives: Drives, agent: str, rows: Sequence[str]) -> Means | None:
 
 
 def efficiency_means(drives: Drives, agent: str, row: str) -> tuple[Means, Means] | None:
-    """Return the efficiency clean and in a row, over the routes that have data in both, with the same seed."""
+    """Return the efficiency clean and in a row, over the routes with data in both with one seed."""
     pair = drives.pair(agent, row)
     if pair is None:
         return None
@@ -125,7 +125,7 @@ def gap(more: Means | None, less: Means | None, confidence: float = 0.95) -> Int
 
 
 def standard_error(means: Means) -> float:
-    """Return the jackknife's standard error of what `means` is of."""
+    """Return the jackknife's standard error of the estimate `means[0]`."""
     left_out = means[1:]
     return float(np.sqrt((len(left_out) - 1) / len(left_out) * ((left_out - left_out.mean()) ** 2).sum()))
 

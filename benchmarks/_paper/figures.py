@@ -1,7 +1,7 @@
-"""The paper's figures from driven episodes in both readings, beside its own numbers, each as the text of an SVG.
+"""Draw the paper's figures from driven episodes in both readings, beside the paper's numbers, as texts of SVGs.
 
-A white card, so that they read the same on a light and on a dark page; colours of Okabe and Ito, and a map whose
-lightness falls with RD, so that nothing hangs on hue alone. The same results give the same bytes.
+Figures have a white card, so that light and dark pages look alike. Colours are those of Okabe and Ito, and the colour
+map's lightness falls with RD, so that no information depends on hue alone. Equal results give equal bytes.
 """
 
 from __future__ import annotations
@@ -47,16 +47,16 @@ _RADAR_MARKERS = dict(zip(READINGS, ("o", "s"), strict=True))
 _RADAR_LINES = dict(zip(READINGS, ("-", ":"), strict=True))
 _LATENCY_MS = {row: int(row.split()[0]) for row in (NO_LATENCY, *FAMILIES["latency"])}
 _MOST_KEPT = 1.25
-"""Where the radar ends, unless an agent drives even better under a failure than that."""
+"""End of the radar's axes, unless an agent keeps an even larger share."""
 
 _LOWEST_RD = -1.0
-"""Where intervals end that have no lower end."""
+"""Drawn end of intervals without a lower end."""
 
 _Cell = IntervalEstimate | float | None
 
 
 def heat_map(results: Results) -> str:
-    """Draw RD of every agent and setting: ours in both readings, with intervals, then the paper's."""
+    """Draw RD of every agent and setting, ours in both readings with intervals, then the paper's; return an SVG."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(13.0, 5.8), layout="constrained")
         panels = figure.subplots(1, 1 + len(READINGS), sharey=True)
@@ -109,12 +109,12 @@ def _heat_text(axes: Axes, x: int, y: int, cell: _Cell) -> None:
     lift = 0.15 if isinstance(cell, IntervalEstimate) else 0.0
     axes.text(x, y - lift, _two_digits(_value(cell)), ha="center", va="center", color=colour)
     if isinstance(cell, IntervalEstimate):
-        interval = f"{cell.low:.2f} to {cell.high:.2f}"  # the sign of -0.00 tells that it holds 0
+        interval = f"{cell.low:.2f} to {cell.high:.2f}"  # the sign of -0.00 shows that the interval holds 0
         axes.text(x, y + 0.24, interval, ha="center", va="center", color=colour, fontsize=7.5)
 
 
 def retention_radar(results: Results) -> str:
-    """Draw what each agent keeps of its clean DS under every setting: ours in both readings, the paper's dashed."""
+    """Draw the share of clean DS that each agent keeps under every setting, both readings, the paper's dashed."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 10.4), layout="constrained")
         panels = figure.subplots(2, 2, subplot_kw={"projection": "polar"})
@@ -138,7 +138,7 @@ def _radar_panel(axes: Axes, agent: str, results: Results) -> None:
     angles = [2.0 * math.pi * place / len(SETTINGS) for place in range(len(SETTINGS))]
     farthest = [
         _radar_line(axes, agent, angles, Drives(results, reading))
-        for reading in reversed(READINGS)  # the first one on top
+        for reading in reversed(READINGS)  # draws the first reading on top
     ]
     paper = [1.0 - PUBLISHED[agent][setting].rd for setting in SETTINGS]
     axes.plot(_closed(angles), _closed(paper), color=_PAPER_COLOUR, linestyle="--", linewidth=1.4)
@@ -152,7 +152,7 @@ def _radar_panel(axes: Axes, agent: str, results: Results) -> None:
 
 
 def _radar_line(axes: Axes, agent: str, angles: Sequence[float], drives: Drives) -> float:
-    """Draw one reading, its line only when all settings were driven; return how far it reaches, 0 without a point."""
+    """Draw one reading, with a line only if all settings were driven; return its largest value, 0 without a point."""
     driven = [degradation(drives, agent, (row,)) for row in SETTINGS]
     known = [(angle, rd) for angle, rd in zip(angles, driven, strict=True) if rd is not None]
     if not known:
@@ -259,7 +259,7 @@ def _bar_key() -> list[Patch]:
 
 
 def _curve(axes: Axes, agent: str, cells: Sequence[IntervalEstimate | None]) -> None:
-    """Draw one agent's line, broken where it was not driven. Lines are set apart a little, or intervals overlap."""
+    """Draw one agent's line, broken at missing drives; shifted a little, so that intervals do not overlap."""
     beside = 4.0 * (AGENTS.index(agent) - 1.5)
     places = [ms + beside for ms in _LATENCY_MS.values()]
     known = [(place, cell) for place, cell in zip(places, cells, strict=True) if cell is not None]

@@ -1,7 +1,7 @@
-"""Puts files of driven episodes together: of several agents, settings, routes and seeds.
+"""Join files of driven episodes of several agents, settings, routes and seeds.
 
-A drive of all agents on all routes takes days. It may come in pieces, each a report of its own, as long as nothing is
-mixed: one world, one definition of each route, and of each agent the same weights, options and versions.
+A drive of all agents on all routes takes days. The drive may come in pieces, each a report of its own, if all pieces
+share one world, one definition of each route, and equal weights, options and versions of each agent.
 """
 
 from __future__ import annotations
@@ -22,29 +22,29 @@ from pytest_drive_robust.errors import ComparisonError, UsageError
 __all__ = ["read"]
 
 _OUR_CODE = ("pytest", "pytest-drive-robust")
-"""Versions that change with every commit, and decide no number."""
+"""Packages whose version changes with every commit without changing a number."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Part:
-    """What one agent drove with one seed on some of the routes."""
+    """The drives of one agent with one seed on some of the routes."""
 
     routes: tuple[str, ...]
     driven: DrivenAgent
 
 
 def read(paths: Sequence[Path], replaced: Collection[str] = (), only: Collection[str] = ()) -> Results:
-    """Read all files as one.
+    """Read all files and join their results.
 
-    Of an agent that several files hold on the same routes, each setting is that of the last file which has it. Files
-    of other routes or seeds are more drives of the same, and must hold the same agents and settings. What the first
-    file holds of the agents in `replaced` is left out: it was driven with other weights than what the others hold.
-    With `only`, what the files hold of other agents is.
+    If several files hold an agent on equal routes, each setting comes from the last file with that setting. Files with
+    other routes or seeds add drives, and must hold equal agents and settings. The first file's drives of the agents in
+    `replaced` are left out, because the other files hold drives with new weights. With `only`, drives of all other
+    agents are left out.
 
-    Raises what `read_file` raises, `UsageError` for an agent in `replaced` that the first file or all others lack and
-    for a file that holds none of `only`, and `ComparisonError` for files of different worlds or definitions of a route,
-    for files that share some of their routes only, for settings of one agent that belong to different clean runs, and
-    for agents, routes or seeds that lack what others have.
+    Raises the errors of `read_file`; `UsageError` for an agent in `replaced` that the first file or all other files
+    lack, and for a file without an agent of `only`; `ComparisonError` for files of different worlds or definitions of a
+    route, for files that share only some of their routes, for settings of one agent with different clean runs, and for
+    agents, routes or seeds with missing drives.
     """
     world: Mapping[str, object] = {}
     routes: dict[str, tuple[str, str]] = {}
@@ -55,7 +55,7 @@ def read(paths: Sequence[Path], replaced: Collection[str] = (), only: Collection
             found = _with(found, only, path)
         if number == 0:
             found = _without(found, replaced, path)
-        if not found.agents:  # all of them replaced: the world and the routes of that file are nobody's
+        if not found.agents:  # all agents replaced: ignore the world and the routes of that file
             continue
         _check_world(world or found.world, found.world, path)
         world = found.world
@@ -118,7 +118,7 @@ def _check_definitions(first: Mapping[str, tuple[str, str]], second: Mapping[str
 
 
 def _put(parts: list[_Part], part: _Part, what: str) -> None:
-    """Add `part`; what is there of the same routes it replaces or completes."""
+    """Add `part` to `parts`; a part with equal routes is replaced or completed."""
     for number, earlier in enumerate(parts):
         if earlier.routes == part.routes:
             parts[number] = replace(part, driven=_completed(earlier.driven, part.driven, what))
@@ -135,7 +135,7 @@ def _put(parts: list[_Part], part: _Part, what: str) -> None:
 
 
 def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAgent:
-    """Return the later drive with the settings that only the earlier has, if the same agent drove the same cleanly."""
+    """Return `later` with the settings that only `earlier` has, if both have equal agents and equal clean drives."""
     lacking = [setting for setting in DRIVEN if setting in earlier.settings and setting not in later.settings]
     if not lacking:
         return later
@@ -151,9 +151,9 @@ def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAge
 
 
 def _facts(driven: DrivenAgent) -> tuple[object, ...]:
-    """Return what must be the same in files that are put together.
+    """Return the facts that must be equal in joined files.
 
-    Code may be of another day where weights tell what drives: that it still drives the same is what a clean run shows.
+    The code may differ for an agent with weights: equal clean runs show that the agent still drives alike.
     """
     versions = sorted((name, version) for name, version in driven.versions.items() if name not in _OUR_CODE)
     return driven.called, driven.stuck_stop_s, driven.made_of["weights"] or driven.made_of["source"], *versions
@@ -180,7 +180,7 @@ def _of_all_routes(name: str, parts: Sequence[_Part]) -> _Part:
 def _concatenated(parts: Sequence[SeedScores], order: Sequence[int]) -> SeedScores:
     """Return the values of all parts, route `order[0]` of them first.
 
-    Comfort is the mean over the routes, so that of a part counts as often as the part has routes.
+    Comfort is a mean over routes, so the comfort of a part is weighted by its number of routes.
     """
     if len(parts) == 1:
         return parts[0]
@@ -209,7 +209,7 @@ def _check_same_routes(whole: Mapping[tuple[str, int], _Part]) -> None:
 
 
 def _of_all_seeds(name: str, drives: Mapping[int, DrivenAgent], seeds: Sequence[int]) -> DrivenAgent:
-    """Return what one agent drove with all seeds, in the order of `seeds`."""
+    """Return the drives of one agent with all seeds, in the order of `seeds`."""
     for first, second in combinations(seeds, 2):
         of = [f"seed {seed}" for seed in (first, second)]
         _check_same_drives(name, drives.get(first), drives.get(second), of)
@@ -222,7 +222,7 @@ def _of_all_seeds(name: str, drives: Mapping[int, DrivenAgent], seeds: Sequence[
 
 
 def _check_same_drives(name: str, first: DrivenAgent | None, second: DrivenAgent | None, of: Sequence[str]) -> None:
-    """Refuse drives that cannot be put together; `of` says what `first` and `second` are the drives of."""
+    """Raise `ComparisonError` for drives that cannot be joined; `of` names `first` and `second` in the message."""
     ours, theirs = (() if one is None else tuple(one.settings) for one in (first, second))
     lacking = [setting for setting in DRIVEN if (setting in ours) != (setting in theirs)]
     if lacking:

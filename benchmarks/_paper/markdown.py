@@ -1,4 +1,4 @@
-"""What all pages of the paper's table share: tables of markdown, numbers with their intervals, who was driven."""
+"""Common parts of all pages: markdown tables, numbers with intervals, seeds and options in words."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ NONE = "-"
 _LEFT = "---"
 _RIGHT = "---:"
 HALVES = {"without latency": "avg. perturbed", "latency": "avg. latency"}
-"""The two groups of rows that are told apart on every page, and which of the paper's averages each is."""
+"""The two groups of rows on every page, and the paper's average of each group."""
 
 CELLS = {"all": SETTINGS, **{name: AVERAGES[average] for name, average in HALVES.items()}}
-"""The rows that a rank correlation is taken over, by name."""
+"""The rows of each rank correlation, by name."""
 
 
 def seeds_of(results: Results) -> str:
@@ -27,7 +27,7 @@ def seeds_of(results: Results) -> str:
 
 
 def options_of(results: Results) -> list[str]:
-    """Return the agents that were driven with options, and an empty line; nothing when none was."""
+    """Return lines with the agents that were driven with options; no lines without such agents."""
     called = [f"`{name}` is `{driven.called}`" for name, driven in results.agents.items() if driven.called != name]
     return [f"Agents with options: {', '.join(called)}.", ""] if called else []
 
@@ -40,12 +40,12 @@ def shown(estimate: IntervalEstimate | None, digits: str, factor: float = 1.0) -
 
 
 def ends(estimate: IntervalEstimate, digits: str, factor: float = 1.0) -> str:
-    """Return the ends; one that is rounded to zero keeps its sign, which tells whether the interval holds 0."""
+    """Return the ends of an interval; a zero keeps its sign, which tells whether the interval holds 0."""
     return f"{factor * estimate.low:{digits}} to {factor * estimate.high:{digits}}"
 
 
 def figure(value: IntervalEstimate | float | None, digits: str, factor: float = 1.0) -> str:
-    """Return the value times `factor`, a zero without its sign; a dash where there is none."""
+    """Return the value times `factor`, a zero without its sign; a dash without a value."""
     if value is None:
         return NONE
     text = format(factor * (value.value if isinstance(value, IntervalEstimate) else value), digits)

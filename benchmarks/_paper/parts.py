@@ -1,6 +1,6 @@
-"""Parts of the routes: the first of each scenario type, the second and so on.
+"""Compare parts of the routes: the first route of each scenario type, the second route, and so on.
 
-No two share a route and each has every type once, so what differs between them tells how far one is to be trusted.
+Parts share no route, and each part has every type once, so their differences show how far one part can be trusted.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from pytest_drive_robust.stats.quantiles import normal_quantile
 __all__ = ["FEWEST_ROUTES", "Apart", "Compared", "compared", "on_routes", "parts_of"]
 
 FEWEST_ROUTES = 20
-"""Parts of fewer are not compared: the intervals of a cell are then wider than any RD."""
+"""Least number of routes of a part; with fewer routes the intervals of a cell are wider than any RD."""
 
 
 @dataclass(frozen=True, slots=True)
 class Apart:
-    """One cell, RD of an agent in a row, in two parts (counted from 1) that differ by more than chance makes."""
+    """One cell (RD of an agent in a row) whose values in two parts (counted from 1) differ significantly."""
 
     reading: str
     agent: str
@@ -36,7 +36,7 @@ class Apart:
 
 @dataclass(frozen=True, slots=True)
 class Compared:
-    """Every two parts in each of `cells`; of `pairs` without any difference one in twenty is `apart`."""
+    """The comparison of every two parts in each of `cells`; of `pairs` without difference 1 in 20 is `apart`."""
 
     cells: int
     pairs: int
@@ -44,7 +44,7 @@ class Compared:
 
 
 def on_routes(results: Results, kept: Collection[str]) -> Results:
-    """Return what was driven on some of the routes; comfort, which is of no single route, stays that of all."""
+    """Return the results on some of the routes; comfort, which exists only over all routes, stays unchanged."""
     places = [place for place, route in enumerate(results.routes) if route in kept]
 
     def of(one: SeedScores) -> SeedScores:
@@ -63,10 +63,10 @@ def on_routes(results: Results, kept: Collection[str]) -> Results:
 
 
 def parts_of(results: Results) -> tuple[Results, ...]:
-    """Return the parts: as many as each type has routes, none where that is one.
+    """Return the parts, as many as each type has routes; empty if each type has one route.
 
-    None also where a part has fewer than `FEWEST_ROUTES`, or an agent without a score on all of it but one route:
-    without it there is no RD.
+    Empty also when a part has fewer than `FEWEST_ROUTES` routes, or when an agent's clean driving score is above 0 on
+    fewer than two routes of a part: the jackknife leaves out one route, and there is no RD without a clean score.
     """
     by_type = defaultdict(list)
     for route, (scenario, _) in results.routes.items():
@@ -85,7 +85,7 @@ def _has_rd(part: Results) -> bool:
 
 
 def compared(parts: Sequence[Results]) -> Compared:
-    """Compare every two parts in each cell that was driven; a cell that is the same in both readings counts once."""
+    """Compare every two parts in each driven cell; a cell that both readings share counts once."""
     cells = cells_of(parts[0])
     apart = [one for cell in cells for one in _apart(parts, *cell)]
     return Compared(len(cells), len(cells) * len(list(combinations(parts, 2))), tuple(apart))

@@ -1,4 +1,4 @@
-"""What parts of the routes say, one against another, as markdown."""
+"""The comparison of parts of the routes as markdown."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["parts_text"]
 
 
 def parts_text(results: Results) -> str:
-    """Write what each part of the routes says beside the others, or why there are none to compare."""
+    """Return the page that compares the parts of the routes, or says why there are no parts to compare."""
     parts = parts_of(results)
     none = f"No parts to compare: they need {FEWEST_ROUTES} routes each, and a score of every agent that drives clean."
     lines = [

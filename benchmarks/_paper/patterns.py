@@ -1,10 +1,10 @@
-"""Seven patterns of the paper's table, and whether the driven episodes show them in one of the readings.
+"""Test whether the driven episodes show seven patterns of the paper's table, in one of the readings.
 
 A pattern consists of *parts*, each the difference of two figures with its 95 % interval, positive where the pattern
-holds. A part appears when the whole interval lies above what it needs (0, or `FAR` where the pattern says "far more"),
-does not appear when the whole interval lies at or below it, and cannot be told otherwise. A pattern appears when all
-its parts do and does not when one does not. Rankings differ already by one pair of agents: there one part is enough,
-and the intervals are wider, so that all of them together are wrong 5 % of the time.
+holds. A part appears when the whole interval lies above its threshold (0, or `FAR` for "far more"), does not appear
+when the whole interval lies at or below the threshold, and is undecided otherwise. A pattern appears when all parts
+appear, and does not appear when one part does not. For rankings one part (a pair of agents) is enough to appear, and
+the intervals are wider, so that all of them together are wrong 5 % of the time.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ __all__ = ["FAR", "Pattern", "PatternPart", "Verdict", "all_of", "any_of", "judg
 Verdict = Literal["appears", "does not appear", "cannot be told", "not driven"]
 
 FAR = 0.20
-"""What "far more" means here, in RD. The paper's differences under GPS noise of 15 m are 0.57 to 0.67."""
+"""Threshold of "far more", in RD. The paper's differences under GPS noise of 15 m are 0.57 to 0.67."""
 
 CAPPED = ("tcp", "uniad")
 """The agents that cut their throttle above a measured speed (`drive_robust_agents/_wrappers/tuning.py`)."""
 
 REFERENCE = "simlingo"
-"""The agent that two of the patterns compare the others with."""
+"""The agent with which two of the patterns compare the other agents."""
 
 _MILD, _SEVERE = FAMILIES["latency"][0], FAMILIES["latency"][-1]
 
 
 @dataclass(frozen=True, slots=True)
 class PatternPart:
-    """One comparison. `agents` are those whose column it belongs to; `paper` is the same in the paper's table."""
+    """One comparison, shown in the columns of `agents`; `paper` is its value in the paper's table."""
 
     agents: tuple[str, ...]
     what: str
@@ -47,7 +47,7 @@ class PatternPart:
 
 @dataclass(frozen=True, slots=True)
 class Pattern:
-    """A statement about the paper's table; `key` names its explanation, `how` says how its parts are to be read."""
+    """A statement about the paper's table; `key` names its explanation, `how` explains how to read its parts."""
 
     key: str
     statement: str
@@ -59,13 +59,13 @@ class Pattern:
     interval: str = "95 % interval"
 
     def verdict_of(self, agent: str) -> Verdict | None:
-        """Return what the parts of one agent say together; None when the pattern is not about it."""
+        """Return the verdict of all parts of one agent; None when the pattern has no part of this agent."""
         own = [part.verdict for part in self.parts if agent in part.agents]
         return all_of(own) if own else None
 
 
 def judge(estimate: IntervalEstimate | None, needs: float = 0.0) -> Verdict:
-    """Judge what an interval says about "more than `needs`"; an interval of the one point `needs` is no more."""
+    """Return the verdict of an interval on "more than `needs`"; an interval of the single point `needs` is not more."""
     if estimate is None:
         return "not driven"
     if estimate.low > needs:
@@ -74,7 +74,7 @@ def judge(estimate: IntervalEstimate | None, needs: float = 0.0) -> Verdict:
 
 
 def all_of(verdicts: Iterable[Verdict]) -> Verdict:
-    """Return the verdict on a statement that holds when every part does; what was not driven cannot be told."""
+    """Return the verdict on a statement that holds when every part holds; a missing drive leaves it undecided."""
     return _together(verdicts, decisive="does not appear", otherwise="appears")
 
 
@@ -93,7 +93,7 @@ def _together(verdicts: Iterable[Verdict], *, decisive: Verdict, otherwise: Verd
 
 
 def patterns_of(drives: Drives) -> tuple[Pattern, ...]:
-    """Return all seven patterns as one reading has them; the last one judges pairs of agents, the others agents."""
+    """Return all seven patterns in one reading; the last pattern judges pairs of agents, the others single agents."""
     return (
         _all("severity", "RD rises with severity in every family", _severity(drives)),
         _all("latency", "Latency of 500 ms hurts every agent more than 100 ms", _latency(drives)),
@@ -125,14 +125,14 @@ def patterns_of(drives: Drives) -> tuple[Pattern, ...]:
 def _all(
     key: str, statement: str, parts: list[PatternPart], *, how: str = "", unit: str = "RD", digits: int = 2
 ) -> Pattern:
-    """Return a pattern that appears when all its parts do."""
+    """Return a pattern that appears when all its parts appear."""
     return Pattern(key, statement, unit, tuple(parts), all_of(part.verdict for part in parts), how, digits)
 
 
 def _rd_gap(
     drives: Drives, more: tuple[str, tuple[str, ...]], less: tuple[str, tuple[str, ...]]
 ) -> IntervalEstimate | None:
-    """Return how much larger the mean RD of the first (agent, settings) is."""
+    """Return the mean RD of `more` (agent, settings) minus the mean RD of `less`."""
     return gap(rd_means(drives, *more), rd_means(drives, *less))
 
 

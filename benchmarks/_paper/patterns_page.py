@@ -1,4 +1,4 @@
-"""The seven patterns as markdown, each with what somebody found out about it."""
+"""The seven patterns as markdown, each with its written explanation."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def patterns_text(results: Results, by_reading: Mapping[str, Sequence[Pattern]],
 
 
 def _distinct(readings: Sequence[str], patterns: Sequence[Pattern]) -> list[tuple[str, Pattern]]:
-    """Return the pattern by reading, once as `both` where it is the same in all."""
+    """Return (reading, pattern) pairs, or one pair with `both` if the pattern is equal in all readings."""
     if all(found == patterns[0] for found in patterns):
         return [("both", patterns[0])]
     return [(f"`{reading}`", found) for reading, found in zip(readings, patterns, strict=True)]
@@ -71,7 +71,7 @@ def _pattern_lines(name: str, pattern: Pattern) -> list[str]:
         (
             part.what,
             figure(part.estimate, digits),
-            # a sign even before a zero: it tells on which side of 0 the interval ends
+            # a zero keeps its sign, which shows on which side of 0 the interval ends
             NONE if part.estimate is None else f"{part.estimate.low:{digits}} to {part.estimate.high:{digits}}",
             figure(part.paper, digits),
             part.verdict,
@@ -82,7 +82,7 @@ def _pattern_lines(name: str, pattern: Pattern) -> list[str]:
 
 
 def explanations(path: Path, patterns: Sequence[Pattern]) -> dict[str, str]:
-    """Read what somebody wrote about a pattern, by its key: the text under `## KEY` in a file, which may lack.
+    """Return the explanations of patterns by key: the texts under `## KEY` in a file; empty without the file.
 
     Raises `UsageError` for a heading that is no key.
     """

@@ -1,7 +1,7 @@
 """The paper's own numbers: every agent and setting of its table `tab:robust_full_combined`, as printed.
 
-Source: Bench2Drive-Robust, section "Results". RD is a share, DS 0..100, SR, efficiency and comfort in percent. They
-were measured in CARLA with the original networks; nothing here was computed by us but averages of them.
+Source: Bench2Drive-Robust, section "Results". RD is a share, DS 0..100, SR, efficiency and comfort in percent. The
+numbers were measured in CARLA with the original networks; we computed only averages of these numbers.
 """
 
 from __future__ import annotations
@@ -134,13 +134,13 @@ PUBLISHED: dict[str, dict[str, Published]] = {
     agent: {setting: Published(*row) for setting, row in zip((CLEAN, *SETTINGS), rows, strict=True)}
     for agent, rows in _ROWS.items()
 }
-"""Agent to setting to its row."""
+"""The rows of the table by agent and setting."""
 
 
 def published_average(agent: str, settings: Sequence[str]) -> Published:
     """Return the means of an agent's columns over `settings`, as the paper's rows of averages have them.
 
-    RD is that of the mean DS, which is the mean of the RDs before they were rounded.
+    RD is computed from the mean DS, which equals the mean of the unrounded RDs.
     """
     rows = [PUBLISHED[agent][setting] for setting in settings]
     means = Published(*(sum(column) / len(rows) for column in zip(*rows, strict=True)))

@@ -1,8 +1,8 @@
-"""Which drive stands in each row of the table, in each of the two readings of the failures.
+"""The drive of each row of the table, in each of the two readings of the failures.
 
-The readings (`docs/explanation/readings.md`) differ under burst and latency, and latency as `released` has it is
-compared with a clean drive of its own, which gets the same warm-up. Every other row is the same drive in both: driven
-once, and shown in both.
+The readings (`docs/explanation/readings.md`) differ under burst and latency. Latency in the reading `released` is
+compared with its own clean drive, which has an equal warm-up. Every other row is driven once and shown in both
+readings.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 __all__ = ["DRIVEN", "NO_LATENCY", "READINGS", "SAME", "Drives", "called_in", "cells_of", "clean_of"]
 
 NO_LATENCY = "0 ms latency"
-"""The row that latency is compared with: `clean` in the reading `paper`, clean with the warm-up in `released`."""
+"""The clean row of latency: `clean` in the reading `paper`, clean with the warm-up in `released`."""
 
 
 @cache
 def called_in(reading: str, row: str) -> str:
-    """Return the setting, as a report calls it, that stands in a row of the table."""
+    """Return the setting of a row of the table in a reading, by its name in reports."""
     if row == NO_LATENCY:
         return clean_of(called_in(reading, FAMILIES["latency"][0]))
     return str(Setting.parse(row).read_as(DriveReading(reading, "benchmarks/paper.py")))
@@ -31,15 +31,15 @@ def called_in(reading: str, row: str) -> str:
 
 @cache
 def clean_of(setting: str) -> str:
-    """Return the clean drive that a setting, as a report calls it, is compared with; a clean drive is its own."""
+    """Return the clean setting of a setting, both by name in reports; a clean setting is its own."""
     return str(Setting.parse(setting).baseline)
 
 
 DRIVEN = tuple(dict.fromkeys(called_in(reading, row) for reading in READINGS for row in (CLEAN, NO_LATENCY, *SETTINGS)))
-"""All settings of both readings as reports call them."""
+"""All settings of both readings, by name in reports."""
 
 SAME = tuple(row for row in SETTINGS if len({called_in(reading, row) for reading in READINGS}) == 1)
-"""The rows that are the same drive in both readings."""
+"""The rows that both readings share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +55,7 @@ class Drives:
         return None if driven is None else driven.settings.get(called_in(self.reading, row))
 
     def pair(self, agent: str, row: str) -> tuple[Scores, Scores] | None:
-        """Return the clean scores that a row is compared with and its own, or None where one was not driven."""
+        """Return (clean scores of the row, scores of the row), or None when either was not driven."""
         driven = self.results.agents.get(agent)
         setting = called_in(self.reading, row)
         if driven is None or setting not in driven.settings:
@@ -64,7 +64,7 @@ class Drives:
 
 
 def cells_of(results: Results) -> list[tuple[str, str, str]]:
-    """Return reading, agent and row of each cell that was driven; one that both readings share counts once."""
+    """Return (reading, agent, row) of each driven cell; a cell that both readings share is listed once."""
     return [
         (reading, agent, row)
         for reading in READINGS

@@ -1,8 +1,8 @@
-"""Reads driven episodes: from the JSON report of a run of `suites/paper`, or from the compact file that is committed.
+"""Read driven episodes from the JSON report of a run of `suites/paper`, or from the committed compact file.
 
-Whatever the source, the same values are rendered; `joining.py` puts several files together. An agent that drove only
-some of the routes of a setting is an error, and so are an episode without a score and a setting without its clean
-drive: none of them is a zero.
+Both sources give equal values; `joining.py` joins several files. An agent that drove only some of the routes of a
+setting is an error, and so are an episode without a score and a setting without its clean drive: missing data never
+becomes a zero.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ __all__ = ["read_file"]
 
 _Episode = Mapping[str, Any]
 _FEWEST_ROUTES = 2
-"""One route has no spread, so nothing could have an interval."""
+"""Least number of routes; a single route has no spread, so no figure would have an interval."""
 
 _KIND = FORMAT.rpartition(" ")[0]
 
@@ -33,9 +33,9 @@ _KIND = FORMAT.rpartition(" ")[0]
 def read_file(path: Path) -> Results:
     """Read one file.
 
-    Raises `UsageError` for a file that is neither kind or of a former format, or that holds an agent which the paper
-    does not, or one agent under two choices of options; `ComparisonError` for episodes without a score, for routes that
-    lack some setting and for a setting without its clean drive.
+    Raises `UsageError` for a file of another kind or of an older format, for an agent that the paper lacks, and for one
+    agent with two choices of options. Raises `ComparisonError` for episodes without a score, for routes that lack a
+    setting, and for a setting without its clean drive.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -90,7 +90,7 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
 
 
 def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str, dict[str, list[_Episode]]]:
-    """Group episodes; settings that the paper does not have are left out."""
+    """Return the episodes by agent and setting, without settings that the paper lacks."""
     found: dict[str, dict[str, list[_Episode]]] = defaultdict(lambda: defaultdict(list))
     for episode in episodes:
         if episode["setting"] in DRIVEN:
@@ -99,7 +99,7 @@ def _by_agent_and_setting(episodes: Sequence[_Episode], path: Path) -> dict[str,
 
 
 def _called(specs: Iterable[str], path: Path) -> dict[str, str]:
-    """Return which agent of the paper each agent with its options is: `simlingo:tuning=published` is `simlingo`."""
+    """Return the paper's agent for each agent with options: `simlingo:tuning=published` is `simlingo`."""
     called: dict[str, str] = {}
     for spec in sorted(specs):
         name = spec.partition(":")[0]
@@ -177,6 +177,6 @@ def _scores(
 
 
 def _efficiency(ratios_pct: Sequence[float]) -> float | None:
-    """Compute it as `metrics.efficiency` does in the mode `bench2drive`; a report holds no `EpisodeResult`."""
+    """Return the efficiency as `metrics.efficiency` in the mode `bench2drive`; a report has no `EpisodeResult`."""
     kept = [ratio for ratio in ratios_pct if ratio <= LARGEST_RATIO_PCT]
     return round(mean(kept), 3) if kept else None

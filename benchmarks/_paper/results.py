@@ -1,8 +1,7 @@
-"""Driven episodes as this benchmark keeps them: score, success, efficiency of every agent, setting, route and seed.
+"""The results of driven episodes: score, success, efficiency of every agent, setting, route and seed.
 
-A setting is called as the report calls it, so that `200 ms latency (reading=released)` is another one than without
-the brackets; `readings.py` says which of them stand in the table. Nothing is filled in: an agent or a setting that was
-not driven is missing.
+A setting has its name in the report, so `200 ms latency (reading=released)` and `200 ms latency` are two settings;
+`readings.py` chooses the settings of the table. Missing drives are never filled in: the agent or setting is absent.
 """
 
 from __future__ import annotations
@@ -18,16 +17,16 @@ from pytest_drive_robust.arithmetic.signals import mean
 __all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
 
 FORMAT = "drive-robust paper table 4"
-"""What the compact file says it is. The first one had one reading and no comfort, the second one seed, the
-third one stop of standing cars for all agents."""
+"""Format of the compact file. Format 1 had one reading and no comfort, format 2 one seed, format 3 one stop of standing
+cars for all agents."""
 
 
 @dataclass(frozen=True, slots=True)
 class SeedScores:
-    """One agent under one setting with one seed; one value for each route, in the order of `Results.routes`.
+    """Scores of one agent under one setting with one seed; one value per route, in the order of `Results.routes`.
 
     `driving_score` is 0..100; `efficiency` percent of the traffic's speed, None on a route without data; `comfort`
-    percent of the segments, the mean over the routes that have data, because a report has it of no single route.
+    percent of the segments, the mean over the routes with data, because a report has no comfort of single routes.
     """
 
     driving_score: tuple[float, ...]
@@ -38,28 +37,28 @@ class SeedScores:
 
 @dataclass(frozen=True)
 class Scores:
-    """One agent under one setting, with each of `Results.seeds`; for each route the mean over them."""
+    """Scores of one agent under one setting with all of `Results.seeds`; properties are means over seeds by route."""
 
     of_seeds: tuple[SeedScores, ...]
 
     @cached_property
     def driving_score(self) -> tuple[float, ...]:
-        """Of each route, 0..100."""
+        """Driving score of each route, 0..100."""
         return tuple(mean(of_route) for of_route in zip(*(one.driving_score for one in self.of_seeds), strict=True))
 
     @cached_property
     def success(self) -> tuple[float, ...]:
-        """The share of the seeds with which each route was a success."""
+        """Share of seeds with success, for each route."""
         return tuple(mean(of_route) for of_route in zip(*(one.success for one in self.of_seeds), strict=True))
 
     @cached_property
     def efficiency(self) -> tuple[float | None, ...]:
-        """Of each route, percent of the traffic's speed; None where no seed has data."""
+        """Efficiency of each route in percent of the traffic's speed; None where no seed has data."""
         return tuple(map(_mean_of_known, zip(*(one.efficiency for one in self.of_seeds), strict=True)))
 
     @cached_property
     def comfort(self) -> float | None:
-        """Percent of the segments."""
+        """Comfort in percent of the segments."""
         return _mean_of_known(one.comfort for one in self.of_seeds)
 
 
@@ -70,10 +69,10 @@ def _mean_of_known(values: Iterable[float | None]) -> float | None:
 
 @dataclass(frozen=True, slots=True)
 class DrivenAgent:
-    """Everything that one agent drove, by setting. `called` is its name with its options, `simlingo:tuning=published`.
+    """All drives of one agent, by setting. `called` is its name with options, `simlingo:tuning=published`.
 
-    `made_of` identifies its code and weights, `versions` what it ran on. Its episodes ended when the car had stood
-    still for `stuck_stop_s`, or only as the evaluator ends them (None).
+    `made_of` identifies the agent's code and weights, `versions` its libraries. Its episodes ended when the car had
+    stood still for `stuck_stop_s`, or only as the evaluator ends episodes (None).
     """
 
     called: str
@@ -84,16 +83,16 @@ class DrivenAgent:
 
     @property
     def driven_as(self) -> str:
-        """What must be the same in drives that are compared, whatever of the code has changed."""
+        """The facts that must be equal in compared drives, even if the code has changed."""
         return f"{self.called} (weights {self.made_of.get('weights', 'none')}, stopped after {self.stuck_stop_s} s)"
 
 
 @dataclass(frozen=True, slots=True)
 class Results:
-    """`routes` maps each route id to its scenario type and the digest of its definition.
+    """The results of all agents. `routes` maps each route id to its scenario type and the digest of its definition.
 
-    `world` is what all agents must share: simulator with its version. `seeds` are those with which each route was
-    driven, in rising order.
+    `world`, the simulator with its version, is shared by all agents. `seeds` are the seeds of every route, in rising
+    order.
     """
 
     world: Mapping[str, object]
@@ -103,12 +102,12 @@ class Results:
 
 
 def place_of(route: str) -> tuple[int, str]:
-    """Return where a route stands among others: by number, then what is no number."""
+    """Return the sort key of a route: ids that are numbers first, by number, then other ids."""
     return (int(route), route) if route.isdecimal() else (2**31, route)
 
 
 def text_of(results: Results) -> str:
-    """Return the compact file, `results.json`: one line for each list of values."""
+    """Return the text of the compact file, `results.json`, with one line for each list of values."""
     agents = {
         name: {
             "called": driven.called,

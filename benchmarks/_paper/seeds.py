@@ -1,6 +1,6 @@
-"""The same agents, routes and settings with two seeds, one against the other.
+"""Compare two seeds on equal agents, routes and settings.
 
-What differs on a route is the seed's doing alone, so it tells what a second seed is worth beside more routes.
+Differences on a route come from the seed alone, and show the value of a second seed compared with more routes.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ _SEEDS = 2
 
 @dataclass(frozen=True, slots=True)
 class OnRoutes:
-    """What the seed changes on single routes, of one agent.
+    """The effect of the seed on single routes, of one agent.
 
-    `episodes` were driven with each seed, of which `other_score` and `other_success` ended otherwise with the second.
-    `score` and `degradation` are the share, at most 1, of the variance of DS and of RD within a cell that is the
-    routes': the rest is the seed's. A share below 0 is chance.
+    `episodes` were driven with each seed; `other_score` and `other_success` of these ended differently with the second
+    seed. `score` and `degradation` are the routes' share, at most 1, of the variance of DS and of RD within a cell; the
+    rest is the seed's. A share below 0 is chance.
     """
 
     episodes: int
@@ -42,7 +42,7 @@ class OnRoutes:
 
 @dataclass(frozen=True, slots=True)
 class Apart:
-    """One cell, RD of an agent in a row, that differs between the seeds by more than chance makes."""
+    """One cell (RD of an agent in a row) that differs significantly between the seeds."""
 
     reading: str
     agent: str
@@ -51,10 +51,10 @@ class Apart:
 
 
 def two_seeds(files: Sequence[Results]) -> tuple[Results, Results]:
-    """Return what was driven with the lower seed and with the higher one: the agents and routes that have both.
+    """Return the results with the lower seed and with the higher seed, on the agents and routes with both.
 
-    Raises `ComparisonError` for files of other than two seeds in all, for a seed that is in two files, for seeds that
-    share no agent or fewer than two routes, for a route with another definition, and for an agent with other settings,
+    Raises `ComparisonError` unless the files hold exactly two seeds, for a seed that is in two files, for seeds that
+    share no agent or fewer than two routes, for a route with two definitions, and for an agent with different settings,
     options, weights or stop of standing cars.
     """
     found = sorted((part for results in files for part in _by_seed(results)), key=lambda part: part.seeds)
@@ -107,7 +107,7 @@ def _by_seed(results: Results) -> list[Results]:
 def difference(
     seeds: tuple[Results, Results], reading: str, agent: str, rows: Sequence[str]
 ) -> IntervalEstimate | None:
-    """Return by how much more an agent loses with the second seed; of the row `clean` alone, the points of DS."""
+    """Return the RD with the second seed minus the RD with the first; for the row `clean`, the difference of DS."""
     first, second = (Drives(results, reading) for results in seeds)
     if tuple(rows) == (CLEAN,):
         return gap(ds_means(second, agent, CLEAN), ds_means(first, agent, CLEAN))
@@ -134,15 +134,15 @@ def on_routes_of(seeds: tuple[Results, Results], agent: str) -> OnRoutes:
 
 
 def _of_each_route(means: Means) -> NDArray[np.float64]:
-    """Return the jackknife's value of each route: what it adds to RD, times the number of routes."""
+    """Return the jackknife's pseudo-value of each route: its contribution to RD times the number of routes."""
     routes = len(means) - 1
     return routes * means[0] - (routes - 1) * means[1:]
 
 
 def _share_of_routes(cells: Sequence[Sequence[Sequence[float] | NDArray[np.float64]]]) -> float:
-    """Return the intraclass correlation of pairs of values, one pair a route; variances are means over the cells.
+    """Return the intraclass correlation of pairs of values, one pair per route; variances are means over the cells.
 
-    Shrout and Fleiss 1979, ICC(1, 1). NaN where nothing differs at all.
+    Source: Shrout and Fleiss 1979, ICC(1, 1). NaN when no values differ.
     """
     values = np.array(cells, dtype=np.float64)  # cells, seeds, routes
     of_routes = values.mean(axis=1)

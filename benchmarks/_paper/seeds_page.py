@@ -1,4 +1,4 @@
-"""What two seeds say, one against the other, as markdown."""
+"""The comparison of two seeds as markdown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["seeds_text"]
 
 
 def seeds_text(seeds: tuple[Results, Results]) -> str:
-    """Write what each seed says beside the other."""
+    """Return the page that compares two seeds."""
     first, second = (seeds_of(results) for results in seeds)
     agents = list(seeds[0].agents)
     cells, apart = cells_of(seeds[0]), apart_of(seeds)

@@ -16,7 +16,7 @@ __all__ = ["table_text"]
 
 
 def table_text(results: Results) -> str:
-    """Write every agent and row in both readings, ours beside the paper's, under what they come to."""
+    """Return the page with a summary, then every agent and row in both readings, ours beside the paper's."""
     same = ", ".join(SHORT[row] for row in SAME)
     lines = [
         "# The paper's table",
@@ -70,7 +70,7 @@ def table_text(results: Results) -> str:
 
 
 def _other_world(results: Results) -> list[str]:
-    """Say which world there is today, where the episodes are of another one. Comparisons within them stand."""
+    """Return lines that name today's world if the episodes come from another world; comparisons within them hold."""
     today = f"{EmbeddedSimulator.name} {EmbeddedSimulator.version}"
     if results.world["simulator"] == today:
         return []
@@ -100,7 +100,7 @@ def _stop(results: Results) -> list[str]:
 
 
 def _missing(results: Results) -> list[str]:
-    """Return what was not driven, by reading; nothing when all was."""
+    """Return lines with the missing drives by reading; no lines when nothing is missing."""
     lines = []
     for reading in READINGS:
         counts = {
@@ -124,7 +124,7 @@ def _made_of(driven: DrivenAgent) -> str:
 
 
 def _overview(results: Results) -> list[str]:
-    drives = Drives(results, READINGS[0])  # clean is the same drive in all
+    drives = Drives(results, READINGS[0])  # all readings share the clean drive
     rows = []
     for agent in AGENTS:
         paper = PUBLISHED[agent][CLEAN]

@@ -29,7 +29,7 @@ class SimulatorOptions:
 
 @dataclass(frozen=True, slots=True)
 class EpisodeScore:
-    """What the criteria say about the episode so far; read once, at its end."""
+    """The criteria's results for one episode; read once, at the end of the episode."""
 
     end: End
     end_detail: str
@@ -41,42 +41,42 @@ class EpisodeScore:
 
 
 class Simulator(Protocol):
-    """One world, one episode at a time. No globals; everything seeded by (route, seed).
+    """One world that drives one episode at a time, without globals, seeded by (route, seed).
 
     The order of calls is `reset`, then for each tick `observe` (at most once) and `step`, until `done` is not None.
-    Making one is cheap: the world is built by `reset`. The arrays of a `WorldState` belong to whoever was given it: no
-    later call writes to them, and nobody else does.
+    Constructing a simulator is cheap: `reset` builds the world. The arrays of a `WorldState` belong to the caller:
+    neither a later call nor anybody else writes to them.
 
-    An optional `check_route(route)` is called at collection, before anything is driven, and raises `RouteError` for a
-    route that cannot be driven here.
+    An optional `check_route(route)` is called at collection, before any episode is driven. `check_route` raises
+    `RouteError` for a route that this world cannot drive.
 
-    A world that cannot drive our routes has an optional `routes(names)`: its own routes of those names, or without
-    names those that are driven when `--drive-routes` is not given. It raises `UnknownNameError`.
+    A world that cannot drive our routes has an optional `routes(names)`. `routes` returns the world's own routes of
+    these names; without names, the routes to drive when `--drive-routes` is not given. `routes` raises
+    `UnknownNameError`.
 
-    Stored episodes are driven again when the code of the world's own package changes; an optional `sources` names
-    modules elsewhere whose code counts, too, and an optional `files` the files whose content does. `versions` and
-    `version` are asked for before the first `reset`. An optional `portable_bits`, True, promises the same
-    episode to the last bit on every machine, with every version of Python and of the libraries that `versions` does not
-    tell.
+    Stored episodes are driven again when the code of the world's own package changes. An optional `sources` names
+    other modules whose code counts, and an optional `files` names files whose content counts. `versions` and `version`
+    are read before the first `reset`. An optional `portable_bits`, True, promises episodes that are equal to the last
+    bit on every machine, with every version of Python and of the libraries that `versions` does not name.
     """
 
     @property
     def name(self) -> str:
-        """What people call it: messages and results name it so."""
+        """Name of the simulator in messages and results."""
 
     @property
     def version(self) -> str:
-        """Of the world itself: another one drives every episode again."""
+        """Version of the world itself; a different version drives every episode again."""
 
     @property
     def dt_s(self) -> float:
-        """Seconds of a tick, above 0."""
+        """Length of a tick in seconds, above 0."""
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
 
     def plan(self) -> GlobalPlan:
-        """Return the sparse plan of the current route: what the agent's `reset` gets."""
+        """Return the sparse plan of the current route, which the agent's `reset` receives."""
 
     def observe(self) -> Observation:
         """Return the clean sensors of this moment, `truth` left out; a later tick may reuse the pixels."""
@@ -99,7 +99,7 @@ class Simulator(Protocol):
         """Close the criteria (percentages, yield, route completion) and report them."""
 
     def versions(self) -> Mapping[str, str]:
-        """Return what decides the numbers: backend, its version, versions of libraries that could change a bit."""
+        """Return the backend, its version, and the versions of the libraries that could change a bit of a result."""
 
     def close(self) -> None:
-        """Free what the world holds. Calling it twice does no harm."""
+        """Free the world's resources. A second call does nothing."""

@@ -1,4 +1,4 @@
-"""From what a user types for `--drive-routes` to routes."""
+"""Resolve the text of `--drive-routes` to routes."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ if TYPE_CHECKING:
 
 
 def own_routes(simulator: Simulator) -> OwnRoutes | None:
-    """Return the optional `Simulator.routes` of a world that cannot drive ours; None for all others."""
+    """Return the `routes` method of a simulator that cannot drive our routes; None for every other simulator."""
     return getattr(simulator, "routes", None)
 
 
 def default_spec(spec: str, simulator: Simulator, *, given: bool) -> str:
-    """Return `spec`, or all routes of a simulator that cannot drive ours, by its name, where nobody gave `spec`."""
+    """Return `spec`; if not `given` and the simulator has routes of its own, its name, which means all of these."""
     return spec if given or own_routes(simulator) is None else simulator.name
 
 
 def routes_for(
     spec: str, simulator: Simulator, load: Callable[[str], tuple[Route, ...]] | None = None
 ) -> tuple[Route, ...]:
-    """`resolve_routes` for a simulator that may have routes of its own, which the specification then names first.
+    """Return the routes of a specification for a simulator that may have routes of its own, which are looked up first.
 
-    `gymnasium:merge-v0` are all of the simulator of that name, `merge-v0-3,merge-v0-12` some of them. Sets and files
-    are understood too: whether the simulator can drive them is for its `check_route` to say. `load` stands in for
-    `resolve_routes`. Raises as `resolve_routes` does.
+    `gymnasium:merge-v0` names all routes of that simulator, `merge-v0-3,merge-v0-12` some of its routes. Sets and files
+    work too; the simulator's `check_route` decides whether it can drive their routes. `load` replaces `resolve_routes`.
+    Raises the errors of `resolve_routes`.
     """
     load = load or resolve_routes
     own = own_routes(simulator)
@@ -74,12 +74,12 @@ def resolve_routes(spec: str) -> tuple[Route, ...]:
 
 
 def ships(spec: str) -> bool:
-    """Return whether a specification names routes that we ship, so that their ids are enough to find them again."""
+    """Return whether a specification names routes that we ship, so that their ids identify the routes."""
     return _split(spec.strip())[0] in set_names()
 
 
 def _split(text: str) -> tuple[str, str | None]:
-    """(set or file, ids or None). A colon may also belong to a file name (`C:/routes.xml`)."""
+    """Return (set or file, ids or None); a colon may also belong to a file name (`C:/routes.xml`)."""
     if text in set_names() or _is_file(text):
         return text, None
     source, colon, ids = text.rpartition(":")

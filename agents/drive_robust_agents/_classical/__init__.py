@@ -1,1 +1,1 @@
-"""The parts of `classical`: vision, lane, corridor, junctions, overtaking. Each is an object with a memory."""
+"""The parts of `classical`, each an object with a memory: vision, lane, corridor, junctions, overtaking."""

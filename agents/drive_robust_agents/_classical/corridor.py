@@ -1,4 +1,4 @@
-"""What stands in the way: foreign points against the path, as free metres ahead and a step aside."""
+"""Compare foreign points with the path: free metres ahead, and a step aside for bodies at the edge."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ _ONCOMING_M = (4.5, 34.0)
 
 
 class Corridor:
-    """Free distance along the path, with a short memory, and how far to keep to the left of something at the edge.
+    """Free distance along the path, with a short memory, and the step to the left of a body at the right edge.
 
-    `free_m` is measured from the middle of the vehicle, infinity when nothing is seen; `aside_m` is 0 or negative
-    (left); `tight` says that something stands close to the right edge.
+    `free_m` is measured from the middle of the vehicle, infinity when nothing is seen. `aside_m` is 0 or negative
+    (left). `tight` tells that a body stands close to the right edge.
     """
 
     def __init__(self) -> None:
@@ -53,10 +53,10 @@ class Corridor:
         no_posts: bool = False,
         narrow: bool = False,
     ) -> None:
-        """Compare foreign points (k, 2) with the path (n, 2), a point a metre, both in the vehicle's frame.
+        """Update the corridor from foreign points (k, 2) and the path (n, 2), a point a metre, in the vehicle's frame.
 
-        `travelled_m` and `elapsed_s` are what has passed since the last look.
-        `no_posts` takes no notice of thin things, `narrow` keeps no room beside the vehicle.
+        `travelled_m` and `elapsed_s` count from the last update. `no_posts` ignores thin things, `narrow` keeps no room
+        beside the vehicle.
         """
         places = beside(bases, path)
         self.tight, seen, first, edge = _right_edge(places)
@@ -70,7 +70,7 @@ class Corridor:
     def _follow_edge(
         self, seen: bool, first: float, edge: float, travelled_m: float, elapsed_s: float, may_dodge: bool
     ) -> None:
-        """Track the left edge of the first thing to the right of the middle; step aside when it keeps still."""
+        """Track the left edge of the first body to the right of the middle; step aside when that edge stands still."""
         self._aside_for_m = max(0.0, self._aside_for_m - travelled_m)
         if seen:
             if abs(edge - self._edge_m) > 1.0:
@@ -93,7 +93,7 @@ class Corridor:
         return room and self._edge_s > _STEADY_S and self._drift_mps > _DRIFT_MPS
 
     def _remember(self, blocked_m: float, travelled_m: float, elapsed_s: float) -> None:
-        """Update the free distance: two columns make an obstacle; one that is lost counts a moment longer."""
+        """Update the free distance; an obstacle that is out of sight counts a moment longer."""
         self.free_m -= travelled_m
         if blocked_m < math.inf:
             self.free_m, self._unseen_s = blocked_m, 0.0
@@ -104,7 +104,7 @@ class Corridor:
 
 
 def oncoming(bases: Floats) -> bool:
-    """Return whether something comes along the lane to the left, so near that it would meet a left turn."""
+    """Return whether a body in the oncoming lane is so near that a left turn would meet it."""
     forward, right = bases[:, 0], bases[:, 1]
     inside = (forward > _ONCOMING_M[0]) & (forward < _ONCOMING_M[1]) & (right > -7.0) & (right < -_LEFT_M)
     if not inside.any():
@@ -113,7 +113,7 @@ def oncoming(bases: Floats) -> bool:
 
 
 def _posts(along: Floats, right: Floats) -> NDArray[np.bool_]:
-    """Return which points belong to something thinner than anything that moves: nothing else is near them."""
+    """Return (k,) whether each point belongs to a thin post, thinner than any moving body: no other points near it."""
     ahead, aside = along[:, None] - along, right[:, None] - right
     together = ahead * ahead + aside * aside < _POST_ROOM_M * _POST_ROOM_M
     spread = np.where(together, right, -np.inf).max(axis=1) - np.where(together, right, np.inf).min(axis=1)
@@ -146,7 +146,7 @@ def beside(points: Floats2, path: Floats2) -> Floats:
 
 @entry
 def _right_edge(places: Floats2) -> tuple[bool, bool, float, float]:
-    """Return whether something is close to the right, and (seen, metres ahead, left edge) of what is first there."""
+    """Return (whether a body is close to the right, whether one is seen, its metres ahead, its left edge)."""
     tight, first, second, edge = False, np.inf, np.inf, np.inf
     for k in range(len(places)):
         along, right = places[k, 0], places[k, 1]

@@ -1,4 +1,4 @@
-"""Day or night by the sky of the picture, and how far the vehicle's own headlamps light the ground."""
+"""Detect day or night by the sky of the picture, and model the light of the vehicle's own headlamps."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _HALF_M, _WIDENS, _STEEP = 1.6, 0.35, 1.6
 
 
 class NightDetector:
-    """Whether it is night, from the upper rows of the picture: its sky, or what stands before it."""
+    """Detects night from the upper rows of the picture: the sky, or objects before the sky."""
 
     def __init__(self) -> None:
         self._sky: float | None = None
         self._looks = 0
 
     def see(self, pixels: NDArray[np.uint8]) -> bool:
-        """Return whether the sky is dark. Dead (black) pixels are skipped; without any others the answer stays."""
+        """Return whether the sky is dark. Dead (black) pixels are skipped; a picture of dead pixels changes nothing."""
         if self._sky is None or self._looks % _LOOK_EVERY == 0:
             bright = pixels[_SKY_ROWS, ::_SKY_STEP].max(axis=2)
             alive = bright[bright > _DEAD]
@@ -39,9 +39,10 @@ class NightDetector:
 
 
 def lamp_light(forward_m: Floats, right_m: Floats) -> Floats:
-    """Return how strongly, 0..1, the headlamps light places of the ground, metres ahead and to the right.
+    """Return the headlamps' light, 0..1, on places of the ground given in metres ahead and to the right.
 
-    The calibration of a pair of dipped headlamps: a cone that widens, is dark just before the bumper and fades out.
+    The light is that of a calibrated pair of dipped headlamps: a cone that widens, is dark just before the bumper, and
+    fades out.
     """
     beam = np.clip((1.0 - np.abs(right_m) / (_HALF_M + _WIDENS * np.maximum(forward_m, 0.0))) * _STEEP, 0.0, 1.0)
     near = np.clip((forward_m - _NEAREST_M) / (_FULL_M - _NEAREST_M), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Which pixels are not ground, compiled."""
+"""Find the pixels that are not ground; compiled."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Bytes = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 
 FIRST_ROW, COLUMN_STEP = 77, 2
-"""Every so many columns of the picture are looked at, from this row, just below the horizon, to the last one."""
+"""First examined row of the picture, just below the horizon, and the step between examined columns."""
 DEAD = 3
-"""A pixel no brighter than this shows nothing."""
+"""Greatest brightness of a dead pixel."""
 _FOREIGN, _DEAD = np.uint8(1), np.uint8(2)
 _DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
 _DARK_BY_NIGHT, _SHINING = 0.55, 200
@@ -25,10 +25,10 @@ _LEARN, _LEAST_KNOWN = 0.12, 3
 
 @entry
 def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Bytes:
-    """Return what is no ground (bit 1) and what is dead (bit 2), (rows, columns), against the asphalt of each row.
+    """Return (rows, columns) flags against the asphalt of each row: bit 1 for no ground, bit 2 for a dead pixel.
 
-    `pixels` is the whole picture. `asphalt` (rows, 3) then follows the colour of what looks like asphalt in `patch`,
-    the lane ahead.
+    `pixels` is the whole picture. `asphalt` (rows, 3) is then moved towards the colour of the asphalt-like pixels in
+    `patch`, the lane ahead.
     """
     rows, columns = patch.shape
     found = np.zeros((rows, columns), np.uint8)
@@ -56,9 +56,9 @@ def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Bytes:
 
 @entry
 def foreign_by_night(pixels: Bytes3, light: Floats2, lit: Mask2, dim: Mask2, paint: Floats1) -> Bytes:
-    """Return as `foreign_by_day`: against asphalt of the colour `paint` in the headlamps, and lamps beside their cone.
+    """Return the flags of `foreign_by_day`, against asphalt of colour `paint` in the headlamps; finds lamps beside it.
 
-    `light`, `lit` and `dim` (rows, columns) tell how much light falls on a place.
+    `light`, `lit` and `dim` (rows, columns) give the light that falls on each place.
     """
     rows, columns = light.shape
     found = np.zeros((rows, columns), np.uint8)
@@ -80,10 +80,10 @@ def foreign_by_night(pixels: Bytes3, light: Floats2, lit: Mask2, dim: Mask2, pai
 
 @entry
 def lowest_foreign(found: Bytes2, depth_m: Floats1, slope: Floats1, camera_m: float) -> Floats:
-    """Return (k, 2): metres forward and to the right of what stands lowest in each column, at least two pixels high.
+    """Return (k, 2) metres (forward, right) of the lowest foreign pixels of each column, at least two pixels high.
 
-    `depth_m` (rows,) is how far from the camera a row of the picture shows the ground, `slope` (columns,) metres to
-    the right for each of them; the camera is mounted at `camera_m`.
+    `depth_m` (rows,) is the distance from the camera at which a row shows the ground, `slope` (columns,) the metres to
+    the right per metre of that distance. The camera is mounted `camera_m` ahead of the vehicle's middle.
     """
     rows, columns = found.shape
     places, count = np.empty((columns, 2)), 0

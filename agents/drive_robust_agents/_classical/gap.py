@@ -1,4 +1,4 @@
-"""When to enter the lane to the left from standing: by what drives there near ahead, and what moves far ahead."""
+"""Decide when to enter the lane to the left from standing, by the traffic near ahead and the motion far ahead."""
 
 from __future__ import annotations
 
@@ -15,18 +15,19 @@ __all__ = ["Gap"]
 _LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
 _JUST_S, _NOBODY_S = 1.2, 6.0
 _SLOW_S = 1.6
-"""Who takes longer to drive past has others close behind."""
+"""Longest time for one vehicle to pass; a longer passage means that more vehicles follow closely."""
 _DRIFT_M = 0.1
-"""How far somebody moves in a tick who drives."""
+"""Least motion of a driving vehicle in a tick."""
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
-"""Where the lane to the left is 40 to 100 m ahead, on a straight road."""
+"""Pixels that show the lane to the left 40 to 100 m ahead on a straight road."""
 _ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
 
 
 class Gap:
-    """Open right after somebody has passed, or when nobody has for a while: a front camera sees nothing behind it.
+    """A gap in the left lane: open right after a vehicle has passed, or when none has passed for a while.
 
-    What is seen ahead must drive away; where it comes the other way, nothing may move far ahead either.
+    The front camera sees nothing behind the vehicle. Vehicles ahead in that lane must drive away; in an oncoming lane
+    nothing may move far ahead.
     """
 
     def __init__(self) -> None:
@@ -37,7 +38,10 @@ class Gap:
         self._moving_px = 0.0
 
     def open(self, along_m: Floats, pixels: NDArray[np.uint8], ticks: int) -> bool:
-        """Look at the foreign points of that lane, metres ahead, and at the picture, `ticks` after the last look."""
+        """Return whether the gap is open, from the lane's foreign points (metres ahead) and the picture.
+
+        `ticks` have passed since the last call.
+        """
         elapsed_s = ticks * TICK_S
         ahead = np.sort(along_m[(along_m > 1.0) & (along_m < _LOOK_M)])
         nearest = float(ahead[1]) if len(ahead) >= 2 else math.inf
@@ -59,7 +63,7 @@ class Gap:
         return (leaves or empty) and (just_passed or self._since_s > _NOBODY_S)
 
     def _look_far(self, pixels: NDArray[np.uint8]) -> None:
-        """Count the pixels that differ from what was there a second ago."""
+        """Update the mean count of far pixels that differ from the picture of about a second ago."""
         window = pixels[_FAR_ROWS, _FAR_COLUMNS].max(axis=2).astype(np.float32)
         if self._scene is None:
             self._scene = window

@@ -1,4 +1,4 @@
-"""When to wait before a junction: for a red light, at a stop sign, for a gap in what comes the other way."""
+"""Decide when to wait before a junction: for a red light, at a stop sign, for a gap in oncoming traffic."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _LAMP_PX, _SIGN_PX, _SIGN_TICKS = 3, 8, 4
 
 
 class JunctionRules:
-    """Remembers, for the junction ahead, what was seen of its lights and signs and what was already honoured."""
+    """Remembers the lights and signs seen at the junction ahead, and the stops already made for signs."""
 
     def __init__(self) -> None:
         self._approach(None)
@@ -41,7 +41,7 @@ class JunctionRules:
         self, pixels: NDArray[np.uint8], bases: Floats, junction: Junction | None, at_m: float,
         speed_mps: float, elapsed_s: float,
     ) -> float:  # fmt: skip
-        """Return the highest speed that the rules allow, infinity when they do not matter here [m/s].
+        """Return the highest speed that the rules allow [m/s], infinity when no rule applies here.
 
         `bases` (k, 2) are the foreign points of `vision.GroundModel`, `at_m` the place along the path.
         `elapsed_s` is the time since the last call.
@@ -55,7 +55,7 @@ class JunctionRules:
         return min(turn, self._signals(pixels, to_entry_m, speed_mps, elapsed_s))
 
     def _left_turn(self, bases: Floats, to_entry_m: float) -> float:
-        """Wait before the middle of the junction for a gap; then do not hesitate."""
+        """Return the speed that waits before the middle of the junction for a gap; drive through once the gap came."""
         to_wait_m = to_entry_m - _WAIT_BEFORE_M
         if self._committed or not -2.5 < to_wait_m < 12.0:
             return math.inf
@@ -64,7 +64,7 @@ class JunctionRules:
         return math.inf if self._gap_ticks >= 2 else _stopping(to_wait_m)
 
     def _signals(self, pixels: NDArray[np.uint8], to_entry_m: float, speed_mps: float, elapsed_s: float) -> float:
-        """Stop before the line while it is red, and once for a stop sign."""
+        """Return the speed that stops before the line while the light is red, and once for a stop sign."""
         if not 0.0 <= to_entry_m < _LOOK_FROM_M:
             return math.inf
         seen = signals(pixels)
@@ -73,7 +73,7 @@ class JunctionRules:
             self._red_s = 0.0
         elif seen.red >= _LAMP_PX:
             self._red_s = _RED_LASTS_S
-        else:  # hidden by something: it is red until it is seen green
+        else:  # a hidden light counts as red until it is seen green
             self._red_s = max(0.0, self._red_s - elapsed_s)
         self._sign_ticks += seen.sign >= _SIGN_PX and seen.sign > 3 * seen.red
         if self._red_s > 0.0 and to_line_m > -0.5:

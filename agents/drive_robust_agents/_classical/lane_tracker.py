@@ -1,4 +1,4 @@
-"""Follows the markings of the own lane in a band of ground ahead: offset, heading and curvature of its middle."""
+"""Track the markings of the own lane in a band of ground ahead: offset, heading and curvature of its middle."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ __all__ = ["LaneTracker"]
 _RIGHT_STEP_M, _FARTHEST_M = 0.12, 5.4
 _RIGHT_M = np.arange(-_FARTHEST_M, _FARTHEST_M + 0.01, _RIGHT_STEP_M)
 _FLANK = 3
-"""Samples (0.36 m) to both sides that must be darker than a marking: a zebra bar is wider than that."""
+"""Samples (0.36 m) to both sides that must be darker than a marking, because a zebra bar is wider."""
 _REACH = 5
-"""Samples (0.6 m) to both sides of its expected place within which a marking is looked for."""
+"""Samples (0.6 m) to both sides of the expected place within which a marking is searched."""
 _CONTRAST = 0.22
 _PRIOR = (6.0, 400.0, 30000.0)
 _NARROWEST_M, _WIDEST_M = 3.1, 4.0
 
 
 class LaneTracker:
-    """The middle of the lane is `y = c0 + c1 x + c2 x^2 / 2`, metres forward (x) and to the right (y)."""
+    """Tracks the middle of the lane, `y = c0 + c1 x + c2 x^2 / 2`, metres forward (x) and to the right (y)."""
 
     FORWARD_M: Floats = np.arange(5.0, 19.0, 0.6)
-    """Metres ahead of the vehicle's middle at which markings are looked for."""
+    """Metres ahead of the vehicle's middle at which markings are searched."""
 
     def __init__(self) -> None:
         grid = np.meshgrid(self.FORWARD_M, _RIGHT_M, indexing="ij")
@@ -49,7 +49,7 @@ class LaneTracker:
         return middle
 
     def move(self, travelled_m: float, turned_rad: float) -> None:
-        """Carry the lane along with the vehicle's own motion."""
+        """Move the lane estimate by the vehicle's own motion."""
         offset, slope, bend = self._state
         self._state = (offset + slope * travelled_m, slope + bend * travelled_m - turned_rad, bend)
 
@@ -68,7 +68,7 @@ class LaneTracker:
 def _peak(
     pixels: NDArray[np.uint8], rows: Ints, columns: Ints, i: int, expected_m: float, least: float
 ) -> tuple[float, bool]:
-    """Return (metres to the right, whether there is one) of the strongest ridge near its expected place in row `i`."""
+    """Return (metres to the right, whether found) of the strongest marking near its expected place in row `i`."""
     most = columns.shape[1] - 2 * _FLANK - 2 * _REACH - 1
     wanted = math.floor((expected_m + _FARTHEST_M) / _RIGHT_STEP_M - _FLANK + 0.5) - _REACH
     first = min(max(wanted, 0), most)
@@ -92,7 +92,7 @@ def _fit(
 ) -> tuple[tuple[float, float, float], float, float]:  # fmt: skip
     """Return (state, width of the lane, share of the rows with a marking) after one picture: weighted least squares.
 
-    What the lane was so far counts as a measurement with the weights `_PRIOR`.
+    The previous state counts as a measurement with the weights `_PRIOR`.
     """
     count = len(forward_m)
     places, strong = np.empty((2, count)), np.zeros((2, count), np.bool_)
@@ -105,7 +105,7 @@ def _fit(
             places[side, i], strong[side, i] = _peak(pixels, rows, columns, i, expected, _CONTRAST * asphalt[i])
         either += strong[0, i] or strong[1, i]
         if strong[0, i] and strong[1, i]:
-            between = both  # kept in order of width
+            between = both  # keep both sorted by width
             while between > 0 and widths[between - 1] > places[1, i] - places[0, i]:
                 widths[between] = widths[between - 1]
                 between -= 1

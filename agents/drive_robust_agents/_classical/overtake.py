@@ -1,4 +1,4 @@
-"""Around something that stands in the own lane: wait for a gap in the lane to the left, go by, come back."""
+"""Overtake a body that stands in the own lane: wait for a gap in the lane to the left, pass, come back."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ __all__ = ["Overtake"]
 
 _LANE_M = 3.4
 _SLOPE = 0.5
-"""Metres to the side per metre ahead when it pulls out and in."""
+"""Metres to the side per metre ahead when pulling out and in."""
 _BLOCKED_M, _BLOCKED_HALF_M = 16.0, 1.4
 _STANDING_MPS, _MOVED_M = 0.3, 0.4
 _WAIT_S = 1.0
@@ -27,7 +27,7 @@ _LAMP_RED, _LAMP_PX = 235, 2
 
 
 class Overtake:
-    """`offset_m` is how far the path is moved to the left of the own lane now (negative), 0 in the lane."""
+    """The state of overtaking: `offset_m` is the path's present offset from the own lane, negative to the left."""
 
     def __init__(self) -> None:
         self.offset_m = 0.0
@@ -36,7 +36,7 @@ class Overtake:
         self._blocked_m, self._waited_s, self._clear_m, self._driven_m = math.inf, 0.0, 0.0, 0.0
 
     def offsets(self, points: int) -> Floats:
-        """Return how far each point of a path, one a metre, is moved aside: from the present to the wanted offset."""
+        """Return the offset of each path point, one a metre, from the present to the wanted offset [m]."""
         wanted = -_LANE_M if self.passing else 0.0
         reach = _SLOPE * np.arange(points)
         moved: Floats = self.offset_m + np.clip(wanted - self.offset_m, -reach, reach)
@@ -46,9 +46,9 @@ class Overtake:
         self, pixels: NDArray[np.uint8], along_m: Floats, right_m: Floats, *, speed_mps: float, ticks: int,
         allowed: bool,
     ) -> None:  # fmt: skip
-        """Decide by the foreign points, metres along the own lane and to its right, `ticks` after the last time.
+        """Update the decision from foreign points in metres along the own lane and to its right.
 
-        It is not `allowed` near junctions.
+        `ticks` have passed since the last call. Overtaking is not `allowed` near junctions.
         """
         travelled_m = speed_mps * (ticks * TICK_S)
         wanted = -_LANE_M if self.passing else 0.0
@@ -66,7 +66,7 @@ class Overtake:
             self._waited_s = 0.0
 
     def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float, ticks: int) -> None:
-        """Wait behind something that does not move either, then for a gap in the lane to the left."""
+        """Wait behind a body that does not move, then for a gap in the lane to the left."""
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         still = still and not _brakes(pixels)
         self._blocked_m = first_m
@@ -77,7 +77,7 @@ class Overtake:
             self.passing, self._clear_m, self._waited_s, self._driven_m = True, 0.0, 0.0, 0.0
 
     def _drives_off(self, first_m: float, travelled_m: float) -> bool:
-        """Return whether what stood in the way has set off itself."""
+        """Return whether the body in the way has started to drive."""
         moved = first_m - (self._blocked_m - travelled_m)
         self._driven_m = self._driven_m + moved if abs(moved) < _SAME_M else 0.0
         self._blocked_m = first_m
@@ -85,7 +85,7 @@ class Overtake:
 
 
 def _brakes(pixels: NDArray[np.uint8]) -> bool:
-    """Return whether somebody right ahead shows brake lamps: such a vehicle will drive on."""
+    """Return whether a vehicle right ahead shows brake lamps, and will therefore drive on."""
     ahead = pixels[_LAMPS].astype(np.int16)
     red, green, blue = ahead[:, :, 0], ahead[:, :, 1], ahead[:, :, 2]
     lit = (red >= _LAMP_RED) & (red > 3 * np.maximum(green, blue))

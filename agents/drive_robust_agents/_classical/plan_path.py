@@ -1,4 +1,4 @@
-"""A smooth path through the sparse plan, and where raw GPS says that the vehicle is on it."""
+"""Lay a smooth path through the sparse plan, and locate the vehicle on the path by raw GPS."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _WINDOW_M = 12.0
 _TURNS = {RoadOption.LEFT: -math.pi / 2.0, RoadOption.RIGHT: math.pi / 2.0, RoadOption.STRAIGHT: 0.0}
 _CHANGES = {RoadOption.CHANGE_LANE_LEFT: 0.0, RoadOption.CHANGE_LANE_RIGHT: 0.0}
 _MANOEUVRES = {**_TURNS, **_CHANGES}
-"""What a command turns the heading by; before and after it the path follows the road."""
+"""Turn of the heading by command; before and after the manoeuvre the path follows the road."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +35,8 @@ class Junction:
 class PlanPath:
     """Cubic pieces through the plan's points, sampled every half metre.
 
-    The plan gives a point where a junction or a lane change begins and one where it ends, and its command; on roads
-    it gives one every 50 m, so that the path cuts bends by a metre or so. `points` is (n, 2) metres. Raises
+    The plan gives a point and a command at the beginning and at the end of each junction and lane change. On roads the
+    plan gives a point every 50 m, so that the path cuts bends by about a metre. `points` is (n, 2) metres. Raises
     `ValueError` for a plan without points.
     """
 
@@ -77,7 +77,7 @@ class PlanPath:
         return self._at * _STEP_M
 
     def ahead(self, x_m: float, y_m: float, yaw_rad: float, count: int) -> Floats:
-        """Return (count, 2): the path from the located place on, one point a metre, metres forward and to the right."""
+        """Return the path from the located place on, (count, 2) metres (forward, right), one point a metre."""
         stride = int(1.0 / _STEP_M)
         rows = np.minimum(self._at + stride * np.arange(count), len(self.points) - 1)
         dx, dy = self.points[rows, 0] - x_m, self.points[rows, 1] - y_m
@@ -85,7 +85,7 @@ class PlanPath:
         return np.column_stack((c * dx + s * dy, c * dy - s * dx))
 
     def next_junction(self, along_m: float) -> Junction | None:
-        """Return the junction that lies around or ahead of a place, or None."""
+        """Return the next junction that does not end before `along_m`, or None."""
         return next((junction for junction in self.junctions if along_m < junction.exit_m), None)
 
     def to_lane_end(self, along_m: float) -> float:
@@ -97,7 +97,7 @@ class PlanPath:
 def _headings(knots: Floats, commands: list[RoadOption], start_yaw_rad: float) -> list[float]:
     """Return the heading at every point.
 
-    A manoeuvre is entered along the road before it and left along the one after it.
+    A manoeuvre starts along the road before it and ends along the road after it.
     """
     chords = [atan2(*(knots[k + 1] - knots[k])[::-1]) for k in range(len(knots) - 1)]
     headings = [start_yaw_rad]

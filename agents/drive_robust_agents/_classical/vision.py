@@ -1,8 +1,8 @@
-"""Plain image processing on one front camera: where the free road ends, and which lamps and signs are lit red or green.
+"""Plain image processing on one front camera: the end of the free road, red and green lamps, stop signs.
 
-A classical colour pipeline knows the palette of its world: asphalt is grey and learnt per image row (haze brightens far
-rows), everything that stands on it has a dark base (tyres, shadow, trousers) or is much bluer or redder than asphalt;
-lamps shine in plain red and green; a stop sign is a plate of darker red at the height of the camera.
+A classical colour pipeline knows the palette of its world. Asphalt is grey and learnt per image row (haze brightens far
+rows). Objects on the road have a dark base (tyres, shadow, trousers) or are much bluer or redder than asphalt. Lamps
+shine in plain red and green. A stop sign is a plate of darker red at the height of the camera.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ _HIGHEST_ROW = 12
 _SIGN_ROWS = 20
 
 _MOONLIGHT = 0.12
-"""What lights the road by night, as a share of the headlamps."""
+"""Light on the road by night without headlamps, as a share of the headlamps' light."""
 _LIT, _DIM = 0.2, 0.5
 _ASPHALT_RANGE = (65.0, 125.0)
 _UNSEEN = 98.0
-"""How bright asphalt is taken to be before any was seen."""
+"""Assumed brightness of asphalt before any asphalt was seen."""
 _ENOUGH = 40
 _LEARN = 0.12
 _LAMP_RED = 210
 
 
 class GroundModel:
-    """Where each image column first meets something that is not ground, by a model of what asphalt looks like there.
+    """Finds the first pixel of each image column that is not ground, by a model of the asphalt's colour.
 
-    By day the model is the colour of each row; by night it is the light of the vehicle's own headlamps, which fades
-    to the sides, and only what they light is judged: street lamps make the road brighter, never darker.
+    By day the model is the colour of each row. By night the model is the light of the vehicle's own headlamps, which
+    fades to the sides, and only pixels in this light are judged: street lamps make the road brighter, never darker.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class GroundModel:
         self._night = False
 
     def brightness(self, forward_m: Floats) -> Floats:
-        """Return the brightness (green, 0..255) of the asphalt so many metres ahead of the vehicle's middle."""
+        """Return the brightness (green, 0..255) of the asphalt `forward_m` metres ahead of the vehicle's middle."""
         if self._night:
             lit: Floats = float(self._paint[1]) * (lamp_light(forward_m, np.zeros_like(forward_m)) + _MOONLIGHT)
             return lit
@@ -80,10 +80,9 @@ class GroundModel:
         return np.full(len(forward_m), math.fsum(self._asphalt[-20:, 1].tolist()) / 20.0)
 
     def bases(self, pixels: Bytes) -> Floats:
-        """Return (k, 2): metres forward and to the right of the vehicle, of the lowest foreign pixel of each column.
+        """Return the lowest foreign pixel of each column as (k, 2) metres forward and to the right of the vehicle.
 
-        Columns whose view of the ground is blocked by dead (black) pixels first, and columns that are free, are left
-        out.
+        Free columns are left out, and so are columns where dead (black) pixels come first.
         """
         self._night = self._dusk.see(pixels)
         if self._night:
@@ -97,19 +96,19 @@ class GroundModel:
         return found
 
     def _follow_paint(self, image: Bytes) -> None:
-        """Follow the colour of asphalt in full light, by the darker part of the lane: lamps and markings add to it."""
+        """Update the asphalt's colour in full light from the darker part of the lane; lamps and markings only add."""
         places = (self._patch & self._lit & (image.max(axis=2) > DEAD))[::3, ::2]
         shades = image[::3, ::2][places] / self._light[::3, ::2][places][:, None]
         if len(shades) < _ENOUGH:
             return
         darker = np.partition(shades[:, 1], len(shades) // 4)[len(shades) // 4]
         like = shades[np.abs(shades[:, 1] - darker) < 0.15 * darker]
-        mean = np.cumsum(like, axis=0)[-1] / len(like)  # added up in this order
+        mean = np.cumsum(like, axis=0)[-1] / len(like)  # cumsum adds in a fixed order, which keeps the bits
         self._paint = np.clip(self._paint + _LEARN * (mean - self._paint), *_ASPHALT_RANGE)
 
 
 def _first_asphalt(image: Bytes, patch: Mask) -> Floats:
-    """Return the median colour of each row's patch; upwards it changes only as slowly as haze does, grey for grey."""
+    """Return the median colour of each row's patch; from row to row upwards it changes only as slowly as haze does."""
     medians: Floats = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))])
     medians = np.maximum(medians, 8.0)
     medians[-10:] = np.median(medians[-10:], axis=0)
@@ -122,7 +121,7 @@ def _first_asphalt(image: Bytes, patch: Mask) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Signals:
-    """Pixels above the horizon: of the largest red and green lamp that faces the camera, and of a stop sign's red."""
+    """Pixel counts above the horizon: largest red and green lamp that face the camera, and a stop sign's red."""
 
     red: int
     green: int
@@ -130,8 +129,8 @@ class Signals:
 
 
 def signals(pixels: Bytes) -> Signals:
-    """Look for lamps and stop signs; everything on wheels stays below the horizon of a high camera."""
-    import cv2  # not by a run whose episodes are stored: it takes a tenth of a second
+    """Count the pixels of lamps and stop signs; vehicles stay below the horizon of a high camera."""
+    import cv2  # late: the import takes 0.1 s, and a run whose episodes are stored does not need it
 
     red, green, blue = cv2.split(np.ascontiguousarray(pixels[_HIGHEST_ROW:_HORIZON, CAMERA.width_px // 4 :]))
     red16, green16, blue16 = (plane.astype(np.int16) for plane in (red, green, blue))  # 2.2 times: 5 to 11

@@ -1,8 +1,8 @@
-"""How `simlingo` answers before it drives: its network's parts in turn, on any engine.
+"""Let `simlingo` answer before driving: run the parts of its network in turn, on any engine.
 
-`read` reads image and prompt, `say` reads one word after the other and scores the next, `plan` reads the queries. The
-likeliest word is said, always. The time grows with the longest answer of the batch; the bits of a row do not depend on
-the others, because every step works on the same shapes. No torch here.
+`read` reads image and prompt, `say` reads one word after the other and scores the next word, `plan` reads the queries.
+The likeliest word is always said. The time grows with the longest answer of the batch. The bits of a row do not depend
+on other rows, because every step works on equal shapes. No torch here.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from drive_robust_agents._nets.words import CLOSING, PAD
 __all__ = ["GENERATE", "answer_and_drive"]
 
 GENERATE = "generate"
-"""What agents call it: a method of a network that the network itself does not have."""
+"""The method name by which agents ask for an answer; the network itself has no such method."""
 
 _Arrays = Mapping[str, NDArray[Any]]
 
 
 def answer_and_drive(compute: Callable[[str, _Arrays], _Arrays], inputs: _Arrays) -> dict[str, NDArray[Any]]:
-    """Return what `plan` gives after the answer, and `answer` int64 (N, 16): numbers of words, then filler."""
+    """Return the outputs of `plan` after the answer, and `answer` int64 (N, 16): numbers of words, then filler."""
     prompt = inputs["prompt"]
     rows = len(prompt)
     answer = np.full((rows, ANSWER_SLOTS), PAD, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""What sets of queries are made of: attention, the layers around it, and codes for where things are.
+"""Building blocks of query sets: attention, attention layers, and codes of places.
 
 Shapes are written (N, ...) for a batch of N: Q queries look at K keys.
 """
@@ -19,8 +19,8 @@ __all__ = ["Attention", "CrossLayer", "DecoderLayer", "PointEncoding", "attend"]
 def attend(query: Tensor, key: Tensor, value: Tensor, *, mask: Tensor | None = None, causal: bool = False) -> Tensor:
     """Compute scaled dot-product attention: (..., Q, d), (..., K, d), (..., K, d) -> (..., Q, d).
 
-    Under mixed precision on a CPU it computes in float32: what torch has there for bfloat16 takes three times as long,
-    forward and back.
+    Under mixed precision on a CPU the product is computed in float32, because torch's bfloat16 attention takes three
+    times as long there, forward and back.
     """
     if query.device.type == "cpu" and torch.is_autocast_enabled("cpu"):
         mask = mask if mask is None or mask.dtype == torch.bool else mask.float()
@@ -50,10 +50,10 @@ class Attention(nn.Module):
         *,
         mask: Tensor | None = None,
     ) -> Tensor:
-        """Attend; to the queries themselves without `key`, with the keys as values without `value`.
+        """Attend to the keys; without `key` to the queries themselves, without `value` with the keys as values.
 
-        `mask` is True (or 0.0) where a query may look, broadcast to (N, heads, Q, K). A query that may look at nothing
-        must not occur.
+        `mask` is True (or 0.0) where a query may look, broadcast to (N, heads, Q, K). Every query must be allowed to
+        look at some key.
         """
         key = query if key is None else key
         value = key if value is None else value
@@ -77,7 +77,7 @@ class CrossLayer(nn.Module):
         self.norms = nn.ModuleList(nn.LayerNorm(width) for _ in range(2))
 
     def forward(self, query: Tensor, keys: Tensor, values: Tensor | None = None) -> Tensor:
-        """Attend to all keys; they are the values too where none are given."""
+        """Attend to all keys, which are also the values unless `values` are given."""
         query = self.norms[0](query + self.attention(query, keys, values))
         y: Tensor = self.norms[1](query + self.feed_forward(query))
         return y
@@ -124,7 +124,7 @@ class PointEncoding(nn.Module):
         self.mix = Mlp(16, width, width)
 
     def forward(self, points: Tensor) -> Tensor:
-        """Encode."""
+        """Encode points (..., 2) in metres to (..., width)."""
         waves = torch.cat([points * frequency for frequency in self.frequencies], dim=-1)
         y: Tensor = self.mix(torch.cat([waves.sin(), waves.cos()], dim=-1))
         return y

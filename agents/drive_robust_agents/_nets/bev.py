@@ -1,10 +1,10 @@
-"""From cameras to a bird's-eye map of features, with half a second of memory: what UniAD and VAD share.
+"""Bird's-eye map of features from cameras, with half a second of memory, for UniAD and VAD.
 
-As in BEVFormer (Li et al. 2022), which both published agents use, a query for each cell attends to where the cell is
-seen, knows the can bus, and is mixed with the map of before, moved by the sensed motion of the vehicle. Compact: one
-layer instead of six; attention within the 3 x 3 image tokens around the projection instead of deformable sampling,
-each head at its own height; a gate instead of temporal attention; the memory is one step deep (the map of 0.5 s
-before is the one without *its* memory), so that training on pairs of pictures sees the maps that driving sees.
+As in BEVFormer (Li et al. 2022), which both published agents use, a query for each cell attends to the image where the
+cell is seen, knows the can bus, and is mixed with the previous map, moved by the sensed motion of the vehicle. Compact:
+one layer instead of six; attention within the 3 x 3 image tokens around the projection instead of deformable sampling,
+each head at its own height; a gate instead of temporal attention; a memory one step deep (the map of 0.5 s ago is
+remembered without *its* memory), so that training on pairs of pictures sees the maps that driving sees.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from pytest_drive_robust.arithmetic import scalars
 __all__ = ["BevEncoder", "BevLift", "CameraEncoder", "TemporalFusion", "columns_of", "rows_of", "warp"]
 
 _CAN_BUS_UNITS = (10.0, 1.0, 5.0, 5.0, 5.0, 1.0)
-"""What the six numbers of the can bus are divided by: speed [m/s], yaw rate [rad/s], acceleration forward and to the
-right [m/s2], and the sensed way of the last 0.5 s, forward and to the right of then [m]."""
+"""Divisors of the six numbers of the can bus: speed [m/s], yaw rate [rad/s], acceleration forward and to the right
+[m/s2], and the sensed movement of the last 0.5 s, forward and to the right in the old ego frame [m]."""
 
 
 class CameraEncoder(nn.Module):
     """Pictures of all cameras -> image tokens of `width`: (N, C, H, W, 3) uint8 -> (N, C, tokens, width).
 
-    MiniResNet(48, 96; stem 32, stride 4) gives maps of stride 8 and 16; the coarse one is added to the fine one, as in
-    the published feature pyramid: the ground from 10 m to the horizon is a single token high at stride 16.
+    MiniResNet(48, 96; stem 32, stride 4) gives maps of stride 8 and 16. The coarse map is added to the fine map, as in
+    the published feature pyramid, because at stride 16 the ground from 10 m to the horizon is a single token high.
     """
 
     def __init__(self, spec: BevSpec) -> None:
@@ -43,7 +43,7 @@ class CameraEncoder(nn.Module):
         self.place = nn.Parameter(torch.randn(1, tokens, spec.width) * 0.1)
 
     def forward(self, images: Tensor) -> Tensor:
-        """Encode every camera by the same network, then say which camera and where."""
+        """Encode every camera by one network, then add codes of the camera and of the token's place."""
         fine = self.net.blocks[0](self.net.stem(self.normalise(images)))
         coarse = self.coarse(self.net.blocks[1](fine))
         both = self.fine(fine) + functional.interpolate(coarse, scale_factor=2.0, mode="nearest")
@@ -54,9 +54,9 @@ class CameraEncoder(nn.Module):
 class BevLift(nn.Module):
     """Geometry-masked cross-attention: image tokens (N, C, tokens, d) and can bus (N, 6) -> map (N, d, rows, columns).
 
-    Each head looks at another height of the cell's pillar; cells that several cameras see take the mean. What arrives
-    is scaled by learned factors of the cell: a token holds all depths of its ray, and the cell picks its own.
-    The tables depend on the rig only and are no part of the weights.
+    Each head looks at another height of the cell's pillar; a cell that several cameras see takes the mean. The result
+    is scaled by learned factors of the cell, because a token holds all depths of its ray and the cell picks its own.
+    The tables depend only on the rig and are no part of the weights.
     """
 
     gather: Tensor
@@ -84,7 +84,7 @@ class BevLift(nn.Module):
         self.register_buffer("share", share, persistent=False)
 
     def forward(self, tokens: Tensor, can_bus: Tensor) -> Tensor:
-        """Lift. The can bus is added to every query, as published."""
+        """Lift tokens to the map; the can bus is added to every query, as published."""
         signals = functional.pad(can_bus.to(self.scale.dtype) * self.scale, (0, 2))
         query = self.query + self.can_bus(signals)[:, None]
         lifted = self.out(self.look(self.to_query(query), self.to_key_value(tokens)))
@@ -94,8 +94,8 @@ class BevLift(nn.Module):
         return y
 
     def look(self, query: Tensor, key_value: Tensor) -> Tensor:
-        """Return what the cells see: queries (N, cells, d), keys and values (N, C, tokens, 2 d) -> (N, cells, d)."""
-        by_camera = key_value.unbind(1)  # not by index: the gradient of that is a map of zeros for each
+        """Attend from cells to cameras: queries (N, cells, d), keys and values (N, C, tokens, 2 d) -> (N, cells, d)."""
+        by_camera = key_value.unbind(1)  # indexing would give each camera a whole map of zeros as gradient
         seen = [self._one_camera(number, query, mine) for number, mine in enumerate(by_camera)]
         nothing = query.new_zeros(query.shape[0], 1, query.shape[-1])
         pairs = torch.cat((*seen, nothing), dim=1)
@@ -106,7 +106,7 @@ class BevLift(nn.Module):
         return total * self.share
 
     def _one_camera(self, number: int, query: Tensor, key_value: Tensor) -> Tensor:
-        """Return what the cells of one camera see: (N, cells of the camera, d)."""
+        """Return the features of the cells that one camera sees: (N, cells of the camera, d)."""
         mine = query.index_select(1, self.get_buffer(f"cells_{number}"))
         parts = (mine, *key_value.chunk(2, dim=2))
         q, k, v = (x.reshape(*x.shape[:2], self.heads, -1).transpose(1, 2) for x in parts)
@@ -115,9 +115,9 @@ class BevLift(nn.Module):
 
 
 def _merging(views: tuple[TokensInSight, ...], cells: int) -> tuple[Tensor, Tensor]:
-    """Return where the outputs of all cameras, in a row, belong: (cells, most) rows, and 1 / count (cells, 1).
+    """Return for each cell its rows in the concatenated outputs of all cameras (cells, most), and 1 / count (cells, 1).
 
-    Cells that fewer cameras see are filled with the row after the last, which is zero.
+    Cells that fewer cameras see are padded with the row after the last row, which is zero.
     """
     rows: list[list[int]] = [[] for _ in range(cells)]
     row = 0
@@ -132,10 +132,10 @@ def _merging(views: tuple[TokensInSight, ...], cells: int) -> tuple[Tensor, Tens
 
 
 def warp(memory: Tensor, motion: Tensor, centres: Tensor, spec: BevSpec) -> Tensor:
-    """Return the map of before as seen from here: (N, d, rows, columns) and motion (N, 3) -> the same shape.
+    """Return the old map in the present ego frame: (N, d, rows, columns) and motion (N, 3) -> (N, d, rows, columns).
 
-    `motion` is the pose of now in the ego frame of before: x, y [m], yaw [rad, clockwise]; `centres` are those of
-    `spec`. What was not in the map is zero. (`affine_grid` would do for equal columns; ours need the bend.)
+    `motion` is the present pose in the old ego frame: x, y [m], yaw [rad, clockwise]; `centres` are those of `spec`.
+    Places outside the old map are zero. (`affine_grid` works for equal columns only; our columns are bent.)
     """
     cos, sin = torch.cos(motion[:, 2, None, None]), torch.sin(motion[:, 2, None, None])
     x = motion[:, 0, None, None] + cos * centres[..., 0] - sin * centres[..., 1]
@@ -156,7 +156,7 @@ def columns_of(y_m: Tensor, spec: BevSpec) -> Tensor:
 
 
 class TemporalFusion(nn.Module):
-    """Mixes the map of now with that of 0.5 s ago: a gated sum, then two 3x3 convolutions around a shortcut."""
+    """Mixes the present map with the map of 0.5 s ago: a gated sum, then two 3x3 convolutions around a shortcut."""
 
     centres: Tensor
 
@@ -177,7 +177,7 @@ class TemporalFusion(nn.Module):
 
 
 class BevEncoder(nn.Module):
-    """Pictures, can bus (as measured) and memory -> the map that heads read, and the map to remember.
+    """Encodes pictures, can bus (as measured) and memory to the map that heads read, and the map to remember.
 
     Shapes: images (N, C, H, W, 3) uint8, can bus (N, 6), memory (N, d, rows, columns), motion (N, 3); two maps
     (N, d, rows, columns) in channels-last memory.
@@ -191,11 +191,11 @@ class BevEncoder(nn.Module):
         self.fusion = TemporalFusion(spec)
 
     def look(self, images: Tensor, can_bus: Tensor) -> Tensor:
-        """Return the map of this moment alone, which is what is remembered."""
+        """Return the map of this moment alone, which is then remembered."""
         y: Tensor = self.lift(self.cameras(images), can_bus)
         return y
 
     def forward(self, images: Tensor, can_bus: Tensor, memory: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-        """Return (what the heads read, what to remember)."""
+        """Return (map for the heads, map to remember)."""
         now = self.look(images, can_bus)
         return self.fusion(now, memory, motion), now

@@ -1,8 +1,8 @@
-"""The bird's-eye grid of UniAD and VAD and where its cells are seen by the cameras: plain geometry, no parameters.
+"""The bird's-eye grid of UniAD and VAD, and the image places of its cells: plain geometry, no parameters.
 
-Cells lie in the ego frame (x forward, y right). Rows are equally long; columns are narrow in the middle, where lanes
-must be told apart, and wide at the sides: column coordinate t in -1..1 stands at y = aside * sinh(bend t) / sinh(bend).
-The published BEVFormer grids have square cells (200 x 200 of 0.5 m); 40 x 16 cells cannot afford that.
+Cells lie in the ego frame (x forward, y right). Rows are equally long. Columns are narrow in the middle, to tell lanes
+apart, and wide at the sides: column coordinate t in -1..1 stands at y = aside * sinh(bend t) / sinh(bend). The
+published BEVFormer grids have square cells (200 x 200 of 0.5 m), which a grid of 40 x 16 cells cannot afford.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ Floats32 = NDArray[np.float32]
 Indices = NDArray[np.int64]
 
 OUT_OF_SIGHT = -1.0e4
-"""Added to attention where a cell may not look: finite, so that half precision and ONNX know it too."""
+"""Attention bias where a cell may not look; finite, so that half precision and ONNX can represent it."""
 
 _NEAREST_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class BevSpec:
-    """Sizes of the grid and of what is lifted into it. Metres in the ego frame; pixels of every camera alike.
+    """Sizes of the grid in metres of the ego frame, and of the pictures and tokens, in pixels of every camera.
 
     `cameras` are names of the `nuscenes` rig; `heights_m` are the points of a cell's pillar, one for each head of the
     lift's attention (the published three, and one where lamps hang); `token_px` is the side of an image token.
@@ -51,7 +51,7 @@ class BevSpec:
 
     @property
     def cells(self) -> int:
-        """How many cells the grid has."""
+        """Number of cells of the grid."""
         return self.rows * self.columns
 
     def rig(self) -> tuple[CameraSpec, ...]:
@@ -61,7 +61,7 @@ class BevSpec:
         return tuple(known[name] for name in self.cameras)
 
     def centres(self, *, finer: int = 1) -> Floats32:
-        """Return the middles (rows * finer, columns * finer, 2) of the cells cut into `finer` x `finer`: x, y [m]."""
+        """Return the cells' middles x, y [m], each cell cut `finer` x `finer`: (rows * finer, columns * finer, 2)."""
         ahead = (np.arange(self.rows * finer) + 0.5) / (self.rows * finer)
         aside = (np.arange(self.columns * finer) + 0.5) / (self.columns * finer) * 2.0 - 1.0
         x = -self.behind_m + (self.behind_m + self.ahead_m) * ahead
@@ -78,11 +78,11 @@ class BevSpec:
 
 @dataclass(frozen=True, slots=True)
 class TokensInSight:
-    """Which cells one camera sees, and at which image tokens.
+    """The cells that one camera sees, and their image tokens.
 
-    `cells` (n,) are numbers of cells (row * columns + column); `bias` (heads, n, tokens) is what is added to the
-    attention of each head: `OUT_OF_SIGHT` but for the 3 x 3 tokens around the projection of the head's point of the
-    pillar, and there minus half the squared distance to it in tokens.
+    `cells` (n,) are numbers of cells (row * columns + column). `bias` (heads, n, tokens) is added to the attention of
+    each head. Its value is minus half the squared distance, in tokens, at the 3 x 3 tokens around the projection of the
+    head's point of the pillar, and `OUT_OF_SIGHT` elsewhere.
     """
 
     cells: Indices
@@ -113,11 +113,10 @@ def _view(spec: BevSpec, camera: CameraSpec) -> TokensInSight:
 
 
 def project(camera: CameraSpec, x_m: Floats, y_m: Floats, z_m: float) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Return where points of the ego frame at height `z_m` are seen.
+    """Return u, v in pixels of points of the ego frame at height `z_m`, and whether each point is before the camera.
 
-    Gives (u, v) in pixels and whether they lie before the camera.
-
-    The centre of pixel (row, column) is (column + 0.5, row + 0.5). Values behind the camera mean nothing.
+    The centre of pixel (row, column) is (column + 0.5, row + 0.5). The pixels of points behind the camera have no
+    meaning.
     """
     yaw, pitch = math.radians(camera.yaw_deg), math.radians(camera.pitch_deg)
     focal_px = camera.width_px / 2.0 / scalars.tan(math.radians(camera.fov_deg) / 2.0)

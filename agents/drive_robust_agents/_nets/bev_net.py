@@ -1,4 +1,4 @@
-"""What the networks of UniAD and VAD begin with: a bird's-eye map, codes for places on it, and their inputs."""
+"""The common base of UniAD's and VAD's networks: a bird's-eye map, codes of its places, and the inputs."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from drive_robust_agents._nets.bev_grid import BevSpec
 __all__ = ["DENSE_CHANNELS", "BevNet"]
 
 DENSE_CHANNELS = 8
-"""What may lie in a cell: bodies of two kinds and lines of six, as in `training.recipes.dense.CHANNELS`."""
+"""Number of labels of a cell: two kinds of bodies and six of lines, as in `training.recipes.dense.CHANNELS`."""
 
 
 class BevNet(nn.Module):
-    """A network that takes what `BevAgent` gives: pictures, can bus, command, and the map of 0.5 s ago.
+    """A network with the inputs of `BevAgent`: pictures, can bus, command, and the map of 0.5 s ago.
 
-    A subclass makes its heads after this: the order of making decides what a seed draws for whom. `centres` (cells, 2)
-    are the middles of the map's cells in metres.
+    A subclass constructs its heads after this constructor, because the order of construction decides the random initial
+    weights of a seed. `centres` (cells, 2) are the middles of the map's cells in metres.
     """
 
     centres: Tensor
@@ -31,7 +31,7 @@ class BevNet(nn.Module):
         self.register_buffer("centres", torch.from_numpy(spec.centres()).flatten(0, 1), persistent=False)
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Return inputs of the right shapes and types: black pictures, standing, turning left, nothing remembered."""
+        """Return example inputs of the right shapes and types: black pictures, standing, turning left, no memory."""
         bev = self.encoder.spec
         pictures = (rows, len(bev.cameras), bev.image_height_px, bev.image_width_px, 3)
         return {

@@ -1,8 +1,8 @@
 """Building blocks of the compact networks: convolutions that fold, a small residual encoder, linear layers.
 
 Every block keeps rows of a batch apart (no statistics across rows outside training) and works in channels-last memory.
-Shapes are written (N, ...) for a batch of N; the images that enter are uint8 and height x width x channel, as the
-renderer makes them, so that nothing is copied before the first convolution.
+Shapes are written (N, ...) for a batch of N. Input images are uint8 with height x width x channel, as the renderer
+makes images, so that nothing is copied before the first convolution.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ __all__ = [
 ]
 
 _MEAN, _DEVIATION = 114.5, 57.6
-"""ImageNet's, of 255, the same for all three channels: a constant for each channel cannot be vectorised over
-channels-last memory, and what follows is a convolution with batch normalisation, which learns the rest.
+"""ImageNet's mean and deviation, of 255, equal for all three channels: a constant per channel cannot be vectorised over
+channels-last memory, and the convolution with batch normalisation that follows learns the difference.
 """
 
 
 class ImageNorm(nn.Module):
-    """uint8 RGB (N, H, W, 3) -> normalised float32 (N, 3, H, W) in channels-last memory.
+    """Normalises uint8 RGB (N, H, W, 3) to float32 (N, 3, H, W) in channels-last memory.
 
     Also (N, cameras, H, W, 3) -> (N * cameras, 3, H, W).
     """
@@ -126,8 +126,8 @@ class MiniResNet(nn.Module):
 class Mlp(nn.Sequential):
     """Linear layers of the sizes given with an activation between them, none after the last: (..., a) -> (..., z).
 
-    Give every layer a number of inputs that is a multiple of four: else the bits of a row depend on where in memory
-    it begins, and the agent cannot be driven in lockstep.
+    The number of inputs of every layer must be a multiple of four. Otherwise the bits of a row depend on its place in
+    memory, and the agent cannot be driven in lockstep.
     """
 
     def __init__(self, *sizes: int, activation: type[nn.Module] = nn.ReLU, last: bool = False) -> None:
@@ -138,11 +138,11 @@ class Mlp(nn.Sequential):
 
 
 RARE = -2.2
-"""The logit of a probability of 0.1, where focal losses like to begin: there is nothing in most places."""
+"""The logit of a probability of 0.1, a good start for focal losses, because most places hold nothing."""
 
 
 def mostly_nothing(mlp: Mlp, classes: int) -> Mlp:
-    """Return the same MLP with its first outputs (logits of classes) biased to `RARE`."""
+    """Bias the first `classes` outputs (logits) of an MLP to `RARE`, in place, and return the MLP."""
     last = mlp[-1]
     assert isinstance(last, nn.Linear)
     with torch.no_grad():

@@ -1,7 +1,7 @@
-"""A causal transformer that keeps its keys and values: what was read once is never computed again.
+"""A causal transformer that caches keys and values, so that no place is computed twice.
 
 `simlingo` reads one image, then a prompt, then (word by word) its own answer, then its queries. Each of these parts is
-a `Decoder.forward` that is given the cache of all parts before it.
+one call of `Decoder.forward` with the cache of all earlier parts.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from drive_robust_agents._nets.blocks import Mlp
 __all__ = ["Cache", "CausalLayer", "Decoder", "select"]
 
 Cache = list[tuple[Tensor, Tensor]]
-"""Of each layer the keys and the values of all places so far, both (N, heads, places, width / heads)."""
+"""Keys and values of all places so far by layer, both (N, heads, places, width / heads)."""
 
 
 class CausalLayer(nn.Module):
@@ -40,7 +40,7 @@ class CausalLayer(nn.Module):
         return q, k, v
 
     def finish(self, x: Tensor, query: Tensor, key: Tensor, value: Tensor, mask: Tensor | None) -> Tensor:
-        """Finish the layer for the places whose queries are given; causal among themselves without a mask."""
+        """Finish the layer for the places of the given queries; without a mask these attend causally."""
         mixed = attend(query, key, value, mask=mask, causal=mask is None)
         x = x + self.out(mixed.transpose(1, 2).flatten(2))
         y: Tensor = x + self.feed_forward(self.norms[1](x))
@@ -48,7 +48,7 @@ class CausalLayer(nn.Module):
 
 
 class Decoder(nn.Module):
-    """Layers and a last normalisation."""
+    """A stack of causal layers and a last normalisation."""
 
     def __init__(self, layers: int, width: int, heads: int, hidden: int) -> None:
         super().__init__()
@@ -58,7 +58,7 @@ class Decoder(nn.Module):
     def forward(
         self, x: Tensor, past: Cache | None, mask: Tensor | None, *, tail: int | None = None
     ) -> tuple[Tensor, Cache]:
-        """Append the places `x` (N, L, d) to the past: (N, tail, d) last hidden states of the last places, new cache.
+        """Append the places `x` (N, L, d) to the past; return (hidden states of the last places (N, tail, d), cache).
 
         `mask` (N, 1, L, past + L) is True where a place may look; None lets every place look at the new places up to
         itself and is for an empty past. The last layer computes only the `tail` last places (all without it; none for
@@ -81,10 +81,10 @@ class Decoder(nn.Module):
         return y, cache
 
     def put(self, x: Tensor, room: Cache, place: Tensor, mask: Tensor) -> tuple[Tensor, Cache]:
-        """Write one place `x` (N, 1, d) into a cache that has room for it, at `place` (N,).
+        """Write one place `x` (N, 1, d) into a cache with room, at `place` (N,).
 
-        Gives its last hidden state (N, 1, d) and the cache, which keeps its size, so that every step has the same
-        shapes. `mask` (N, 1, 1, places) as above.
+        Returns the place's last hidden state (N, 1, d) and the cache, which keeps its size, so that all steps have
+        equal shapes. `mask` is (N, 1, 1, places), as in `forward`.
         """
         written: Cache = []
         here = (torch.arange(room[0][0].shape[2], device=x.device) == place[:, None])[:, None, :, None]
@@ -103,5 +103,5 @@ class Decoder(nn.Module):
 
 
 def select(cache: Cache, rows: Tensor) -> Cache:
-    """Return the cache of these rows (with repetition): one image for several prompts."""
+    """Return the cache of the given rows, which may repeat: one image serves several prompts."""
     return [(key[rows], value[rows]) for key, value in cache]

@@ -1,12 +1,12 @@
-"""The grammar of what `simlingo` says about its driving: an action and its reason. No torch here.
+"""The grammar of `simlingo`'s commentary on its driving: an action and its reason. No torch here.
 
 ::
 
     answer     = sentence | "follow instruction" | "ignore instruction and" sentence
     sentence   = action [reason]
 
-Source of the form: the commentary of SimLingo (`simlingo_training`, `dataset_generation/language_labels`): what the
-ego does, then why. The sentences are our own.
+Source of the form (action, then reason): the commentary of SimLingo (`simlingo_training`,
+`dataset_generation/language_labels`). The sentences are our own.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _REFUSING = "ignore instruction and"
 
 
 class Action(str, Enum):
-    """What the ego does next."""
+    """The next action of the ego."""
 
     REMAIN = "remain stopped"
     STOP = "stop"
@@ -31,7 +31,7 @@ class Action(str, Enum):
 
 
 class Reason(str, Enum):
-    """Why; `NONE` where the situation tells no reason."""
+    """The reason of an action; `NONE` where the situation gives no reason."""
 
     NONE = ""
     RED = "because of the red light"
@@ -65,5 +65,5 @@ class Commentary:
 
 
 def refusal(commentary: Commentary) -> str:
-    """Return the answer to an unsafe instruction: it is ignored, and this is done instead."""
+    """Return the answer to an unsafe instruction: the instruction is ignored, and `commentary` is done instead."""
     return f"{_REFUSING} {commentary.text}"

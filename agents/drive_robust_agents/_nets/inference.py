@@ -1,9 +1,9 @@
-"""Networks at run time: numpy in, numpy out, the same bits for a row whatever other rows there are.
+"""Networks at run time: numpy in, numpy out; the bits of a row do not depend on other rows.
 
-One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last one filled up with
-copies: so the bits of a row depend neither on its neighbours nor on how many they are. Networks are shared by all
-agents of a process that ask for the same weights in the same way; what an episode remembers belongs to its agent.
-Neither ONNX Runtime nor torch is imported before a network is made.
+One row is computed as a batch of one. Several rows are computed in batches of `ROWS`, the last batch filled up with
+copies, so that the bits of a row depend neither on its neighbours nor on their number. All agents of a process with
+equal weights and options share one network; the memory of an episode belongs to its agent. Neither ONNX Runtime nor
+torch is imported before a network is made.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ from pytest_drive_robust.errors import UsageError, did_you_mean
 __all__ = ["ENGINES", "ROWS", "Engine", "LoadedNetwork", "Network"]
 
 ROWS = 4
-"""Rows of a batch. With one size for all the sums of a matrix product are added in the same order everywhere."""
+"""Rows of a batch. One size for all batches keeps the order in which the sums of a matrix product are added."""
 
 ENGINES: Mapping[str, tuple[str, ...]] = {"onnx": ("onnxruntime", "numpy"), "torch": ("torch", "numpy")}
-"""What decides the bits of a network on each engine."""
+"""The packages whose versions decide the bits of a network, by engine."""
 
 _TYPES = ("float32", "bfloat16", "float16")
 
@@ -39,7 +39,7 @@ _Arrays = Mapping[str, NDArray[Any]]
 
 
 class Network(Protocol):
-    """What an agent needs of a `LoadedNetwork`."""
+    """The part of `LoadedNetwork` that agents use."""
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> Mapping[str, NDArray[Any]]:
         """Run a method of the network on all rows at once: arrays with the rows as their first axis."""
@@ -56,7 +56,7 @@ class Engine(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class _NetworkKey:
-    """Everything that distinguishes one network from another. `content` are the digests of its files."""
+    """The key of a loaded network; `content` are the digests of its files."""
 
     name: str
     network: str
@@ -69,7 +69,7 @@ class _NetworkKey:
 
 
 class LoadedNetwork:
-    """A network with its weights, ready to drive. Make one with `LoadedNetwork.of`."""
+    """A network with its weights, ready to drive; made by `LoadedNetwork.of`."""
 
     def __init__(self, entry: WeightsEntry, engine: Engine) -> None:
         self.entry, self.engine = entry, engine
@@ -86,13 +86,14 @@ class LoadedNetwork:
         threads: int = 1,
         weights: str | Path | None = None,
     ) -> LoadedNetwork:
-        """Return the network of an agent; the same object for the same key in this process.
+        """Return the network of an agent; equal arguments give one shared object per process.
 
-        `network` is the module of its network and the class in it, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime,
-        on a CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. `dtype` other than
-        `"float32"` computes with torch's automatic mixed precision and is meant for CUDA: processors without
-        instructions for it are many times slower. `weights` is None for those that ship, or a file with its
-        `manifest.json` beside it. Raises `UsageError` for weights that are refused and for what this machine cannot do.
+        `network` is the module and the class of the network, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime, on a
+        CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. A `dtype` other than
+        `"float32"` computes with torch's automatic mixed precision and is meant for CUDA; processors without
+        instructions for that type are many times slower. `weights` is None for the shipped weights, or a file with its
+        `manifest.json` beside it. Raises `UsageError` for refused weights, and for an engine, device or dtype that this
+        machine lacks.
         """
         _require_possible(engine, dtype, threads)
         _, entry = store.locate(name, weights)
@@ -120,7 +121,7 @@ class LoadedNetwork:
         threads: int = 1,
         weights: str | Path | None = None,
     ) -> None:
-        """Refuse at once what `of` would refuse, whatever the device: changed weights drive nothing."""
+        """Raise the `UsageError` that `of` would raise, devices aside: verify the files, make no network."""
         _require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
         store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
@@ -129,14 +130,14 @@ class LoadedNetwork:
 
     @property
     def label(self) -> str:
-        """`name@version:sha8`."""
+        """The label of the weights in results: `name@version:sha8`."""
         return self.entry.label
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Run the network on rows of inputs (each array with the rows as its first axis).
 
-        Returns when the result is there, on any device. `method` names another method of the network with the same
-        conventions, or is `"generate"` for one that answers before it drives.
+        Returns when the result is complete, on any device. `method` names another method of the network with equal
+        conventions, or is `"generate"` for a network that answers before driving.
         """
         rows = len(next(iter(inputs.values())))
         if rows == 1:
@@ -181,14 +182,14 @@ def _class_of(network: str) -> str:
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
-    """Return `ROWS` rows from `begin`, copies of the last one where there are no more."""
+    """Return `ROWS` rows from `begin`, filled up with copies of the last row."""
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
 
 
 def _require_possible(engine: str, dtype: str, threads: int) -> None:
-    """Raise `UsageError` for what no network runs on, and where torch is asked for and missing."""
+    """Raise `UsageError` for an impossible engine, dtype or thread number, and when torch is needed but missing."""
     _one_of("engine", engine, tuple(ENGINES))
     _one_of("dtype", dtype, _TYPES)
     if threads < 1 or (engine == "onnx" and dtype != "float32"):

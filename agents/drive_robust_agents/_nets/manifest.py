@@ -1,4 +1,4 @@
-"""The list of weights beside them: what each file is, what it was trained on, and how it drives."""
+"""The manifest beside weight files: for each file its network, its training data, and its driving score."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ __all__ = [
 FORMAT_VERSION = 1
 MANIFEST = "manifest.json"
 MOST_BYTES = 6 * 1000 * 1000
-"""No weight file and no graph may be larger: a larger one is not opened."""
+"""Largest size of a weight file or graph; a larger file is not opened."""
 
 _Spec = TypeVar("_Spec")
 
 
 @dataclass(frozen=True, slots=True)
 class GraphFile:
-    """What ONNX Runtime computes, as a file of the manifest's folder. Its weights are those of the weight file."""
+    """A graph for ONNX Runtime, a file in the manifest's folder, which uses the weights of the weight file."""
 
     file: str
     sha256: str
@@ -43,11 +43,11 @@ class GraphFile:
 
 @dataclass(frozen=True, slots=True)
 class WeightsEntry:
-    """One weight file.
+    """The manifest's entry of one weight file.
 
     `file` lies in the manifest's folder. `architecture` is the class of the network and `spec` its specification in
-    plain values. `graphs` has a graph for each method of the network that ONNX Runtime can run. `provenance` says where
-    the weights come from: rig, simulator version, data and its seed, trainer settings, closed-loop score with its
+    plain values. `graphs` has a graph for each method of the network that ONNX Runtime can run. `provenance` is the
+    origin of the weights: rig, simulator version, data and its seed, trainer settings, closed-loop score with its
     interval.
     """
 
@@ -65,12 +65,12 @@ class WeightsEntry:
 
     @property
     def label(self) -> str:
-        """What results carry: `tcp@1.0:ab12cd34`."""
+        """The label of the weights in results: `tcp@1.0:ab12cd34`."""
         return f"{self.name}@{self.version}:{self.sha256[:8]}"
 
 
 def read_manifest(folder: Path, name: str) -> WeightsEntry:
-    """Return an entry of the manifest of a folder by its name. Raises `UsageError` where none can be used."""
+    """Return the entry `name` of a folder's manifest. Raises `UsageError` when there is no usable entry."""
     path = folder / MANIFEST
     try:
         entries = json.loads(path.read_bytes())
@@ -101,7 +101,7 @@ def read_manifest(folder: Path, name: str) -> WeightsEntry:
 
 
 def write_entry(folder: Path, entry: WeightsEntry) -> None:
-    """Put an entry into the manifest of a folder, in place of one of the same name."""
+    """Write an entry to a folder's manifest; an entry of equal name is replaced."""
     path = folder / MANIFEST
     entries = json.loads(path.read_bytes()) if path.exists() else {}
     entries[entry.name] = dataclasses.asdict(entry)
@@ -110,7 +110,7 @@ def write_entry(folder: Path, entry: WeightsEntry) -> None:
 
 
 def plain_spec(spec: object) -> dict[str, Any]:
-    """Return a specification (a frozen dataclass of plain values) as JSON gives it back."""
+    """Return a specification (a frozen dataclass of plain values) as a dictionary, as JSON would read it back."""
     if not dataclasses.is_dataclass(spec) or isinstance(spec, type):
         raise TypeError(f"expected a dataclass of plain values, got {spec!r}")
     plain: dict[str, Any] = json.loads(json.dumps(dataclasses.asdict(spec)))
@@ -118,9 +118,9 @@ def plain_spec(spec: object) -> dict[str, Any]:
 
 
 def spec_from(cls: type[_Spec], plain: Mapping[str, Any]) -> _Spec:
-    """Build a specification from plain values: lists become tuples, and nested specifications are built alike.
+    """Build a specification from plain values; lists become tuples, also in nested specifications.
 
-    Raises `TypeError` for fields that it does not have.
+    Raises `TypeError` for unknown fields.
     """
     kinds = get_type_hints(cls)
     return cls(**{name: _frozen(kinds.get(name), value) for name, value in plain.items()})

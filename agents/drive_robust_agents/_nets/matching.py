@@ -1,4 +1,4 @@
-"""Which query answers for which label: the assignment of least cost in each row of a batch (Kuhn 1955; DETR)."""
+"""Match queries to labels: the assignment of least cost in each row of a batch (Kuhn 1955; DETR)."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ class Match(NamedTuple):
 
 
 def match(cost: Tensor, valid: Tensor) -> Match:
-    """Return the pairs of least cost: cost (N, Q, T), valid (N, T) says which targets there are.
+    """Return the pairs of least total cost: `cost` (N, Q, T), `valid` (N, T) marks existing targets.
 
-    Each valid target gets one query, as long as there are queries; a cost that is no number counts as a very high one.
+    Each valid target gets one query while queries last. A NaN cost counts as a very high cost.
     """
     costs = cost.detach().float().nan_to_num(nan=1e6, posinf=1e6, neginf=-1e6).cpu().numpy()
     there = valid.cpu().numpy()

@@ -1,7 +1,7 @@
 """ONNX Runtime: the engine that agents drive with unless they ask for another.
 
-A graph says what is computed, the weight file what with: both are read and verified once, and ONNX Runtime gets the
-bytes that were verified. It turns the halves of the file into single precision, and folds what it can, when it loads.
+A graph holds the computation, the weight file the numbers. Both are read and verified once, and ONNX Runtime gets the
+verified bytes. While loading, ONNX Runtime converts the file's half precision to single precision and folds constants.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _ERRORS_ONLY = 3
 class OnnxEngine:
     """A session for each graph of a weight file, for batches of any size.
 
-    Raises `UsageError` for files that are not what the manifest lists.
+    Raises `UsageError` for files that differ from the manifest.
     """
 
     def __init__(self, path: Path, entry: WeightsEntry, *, architecture: str, threads: int = 1) -> None:
@@ -44,7 +44,7 @@ class OnnxEngine:
         }
 
     def __call__(self, method: str, inputs: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """Run the graph of a method. Raises `UsageError` where there is none."""
+        """Run the graph of a method. Raises `UsageError` for a method without a graph."""
         if method not in self._sessions:
             known = ", ".join(sorted(self._sessions))
             raise UsageError(f"there is no graph of {method!r} beside {self._path}, only of {known}.")
@@ -60,7 +60,7 @@ class OnnxEngine:
         options.add_external_initializers(list(self._tensors), list(self._tensors.values()))
         try:
             return onnxruntime.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-        except Exception as error:  # its errors have no base of their own
+        except Exception as error:  # ONNX Runtime's errors have no common base class
             path = self._path.with_name(name)
             raise UsageError(
                 f"{path} is no graph that fits {self._path.name}: {str(error).strip()}. {ADVICE}"

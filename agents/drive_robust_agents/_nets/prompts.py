@@ -1,4 +1,4 @@
-"""What `simlingo` can be asked: prompts of a fixed length from a small grammar, and the instructions that it knows.
+"""Prompts of `simlingo`, of fixed length and from a small grammar, and the instructions that the agent knows.
 
 ::
 
@@ -8,8 +8,8 @@
     task        = "predict the waypoints" | "what should the ego do next" | "commentary" sentence
                 | (<follow> | <safety>) instruction
 
-A prompt is laid out in `PROMPT_SLOTS` places: the measured speed first, then the words, filler, and `<answer>` in the
-last place, so that what follows always stands at the same position. No torch here.
+A prompt has `PROMPT_SLOTS` places: the measured speed, the words, filler, and `<answer>` in the last place, so that the
+answer always starts at one position. No torch here.
 
 Source: SimLingo `simlingo_training/dataloader/dataset_driving.py`, `dataset_dreamer.py`, re-written from their idea.
 """
@@ -57,7 +57,7 @@ _COMMAND_WORDS = {
 
 
 class Kind(str, Enum):
-    """What an instruction asks for."""
+    """The kinds of instructions."""
 
     FASTER = "faster"
     SLOWER = "slower"
@@ -86,7 +86,7 @@ THINGS = ("vehicle", "pedestrian", "bicycle", "obstacle")
 
 @dataclass(frozen=True, slots=True)
 class Instruction:
-    """A sentence that the agent knows: what it asks for, and its number or thing where it has one."""
+    """A sentence that the agent knows: its kind, and its number or thing if it has one."""
 
     kind: Kind
     mps: float | None = None
@@ -95,7 +95,7 @@ class Instruction:
 
     @property
     def text(self) -> str:
-        """The words."""
+        """The words of the instruction."""
         pattern = PHRASES[self.kind][self.phrase]
         speed = "" if self.mps is None else f"{_tenths(self.mps)} m/s"
         return decode(encode(pattern.format(v=speed, thing=self.thing)))
@@ -143,28 +143,28 @@ def by_targets(speed_mps: float) -> str:
 
 
 def by_command(speed_mps: float, command: RoadOption, distance_m: float) -> str:
-    """Return the beginning of a prompt that tells the way by a command and the metres to where it holds."""
+    """Return the beginning of a prompt that gives the way by a command and the metres to its place."""
     metres = min(max(round(distance_m), 0), _MOST_M)
     return f"speed {_tenths(speed_mps)} m/s command {_COMMAND_WORDS[command]} in {metres} m"
 
 
 def driving(way: str) -> str:
-    """Drive, say nothing."""
+    """Return a prompt to drive without an answer."""
     return f"{way} {DRIVING}"
 
 
 def comment(way: str) -> str:
-    """Say what should be done, then drive."""
+    """Return a prompt to say the commentary, then drive."""
     return f"{way} {QUESTION}"
 
 
 def given(way: str, commentary: str) -> str:
-    """Drive as this commentary says."""
+    """Return a prompt to drive as the given commentary says."""
     return f"{way} commentary {commentary}"
 
 
 def instructed(way: str, instruction: Instruction, *, safety: bool) -> str:
-    """Do as told; with `safety` only if that is safe."""
+    """Return a prompt to obey an instruction; with `safety` only if obeying is safe."""
     return f"{way} {'<safety>' if safety else '<follow>'} {instruction.text}"
 
 
@@ -188,7 +188,7 @@ def _padded(numbers: Sequence[int], slots: int, text: str) -> tuple[int, ...]:
 
 
 def _tenths(mps: float) -> str:
-    """Round to 0.1, as published; what no prompt can say (negative, infinite, NaN) is clipped."""
+    """Return a speed rounded to 0.1 m/s, as published; negative, infinite and NaN speeds are clipped."""
     if math.isnan(mps):
         return "0.0"
     return f"{min(max(0.0, mps), _MOST_MPS):.1f}"  # in this order, so that -0.0 becomes 0.0

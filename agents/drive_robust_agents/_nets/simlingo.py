@@ -35,7 +35,7 @@ _TARGET_M, _SPEED_MPS = 20.0, 12.0
 
 @dataclass(frozen=True, slots=True)
 class SimLingoSpec:
-    """Sizes. The image is `height_px` x `width_px`; only the upper `kept_px` rows are looked at (published: 11 of 16).
+    """Sizes. The image is `height_px` x `width_px`; only its upper `kept_px` rows are read (published: 11 of 16).
 
     The encoder has a stem of stride 4 and, for each of `widths`, two residual blocks of which the first has stride 2.
     """
@@ -93,7 +93,7 @@ class SimLingoNet(nn.Module):
         return cls(spec_from(SimLingoSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Return inputs of the right shapes and types: a black image, standing, the targets ahead, nothing to say."""
+        """Return example inputs of the right shapes and types: a black image, standing, targets ahead, no answer."""
         return {
             "image": torch.zeros(rows, self.spec.height_px, self.spec.width_px, 3, dtype=torch.uint8),
             "speed": torch.zeros(rows),
@@ -111,7 +111,7 @@ class SimLingoNet(nn.Module):
         return {"read": given, "say": say, "plan": {"words": words, "past": cache}}
 
     def forward(self, image: Tensor, speed: Tensor, target: Tensor, prompt: Tensor) -> dict[str, Tensor]:
-        """Drive and say nothing: `path` and `waypoints` as in `Driving`."""
+        """Drive without an answer; return `path` and `waypoints` as in `Driving`."""
         return self.drive(self.see(image), speed, target, prompt)._asdict()
 
     def read(self, image: Tensor, speed: Tensor, target: Tensor, prompt: Tensor) -> dict[str, Tensor]:
@@ -147,7 +147,7 @@ class SimLingoNet(nn.Module):
     # --- the parts ---
 
     def see(self, image: Tensor) -> Cache:
-        """Read the image: the cache that everything else begins with."""
+        """Read the image; return the cache with which every later part begins."""
         kept = image[:, : self.spec.kept_px]
         map_ = self.patches(self.encoder(self.norm(kept)))
         tokens = map_.flatten(2).transpose(1, 2) + self.positions[: self.image_places]
@@ -176,10 +176,10 @@ class SimLingoNet(nn.Module):
     # --- below ---
 
     def _prompt(self, speed: Tensor, target: Tensor, prompt: Tensor) -> Tensor:
-        """Embed the prompt (N, 22, d): words at their positions, numbers in the places that stand for them."""
+        """Embed the prompt to (N, 22, d): words at their positions, measured numbers at their placeholders."""
         begin = self.image_places
         x: Tensor = self.words(prompt) + self.positions[begin : begin + PROMPT_SLOTS]
-        # inputs in fours: the bits of a product with fewer depend on where in memory a row begins
+        # padded to four inputs: with fewer, the bits of a product depend on the row's place in memory
         speed_token = self.speed(functional.pad(speed[:, None] / _SPEED_MPS, (0, 3)))
         targets = self.targets(functional.pad(target / _TARGET_M, (0, 2)))
         for word, token in ((SPEED, speed_token), (TARGET, targets[:, 0]), (NEXT, targets[:, 1])):

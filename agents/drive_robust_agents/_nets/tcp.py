@@ -27,7 +27,7 @@ __all__ = ["TcpNet", "TcpSpec", "beta_mode"]
 
 _COMMANDS = 6
 _SPEED_MPS, _TARGET_M = 12.0, 20.0
-"""What speeds and target points are divided by."""
+"""Divisors of speeds and target points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,9 +86,9 @@ class TcpNet(nn.Module):
     ) -> dict[str, Tensor]:
         """Compute `waypoints` (N, steps, 2) metres, ego frame, half a second apart, and `action` (N, 2).
 
-        An action is steering -1 to 1 (right) and acceleration -1 (brake) to 1 (throttle). `full` adds what only
-        training needs: `beta` (N, 1 + steps, 2, 2) with the two parameters of the distributions of steering and
-        acceleration now and at each step, `speed` (N,) m/s as the image tells it, `values` (N, 2).
+        An action is steering -1 to 1 (right) and acceleration -1 (brake) to 1 (throttle). `full` adds outputs for
+        training only: `beta` (N, 1 + steps, 2, 2), the two parameters of the distributions of steering and acceleration
+        now and at each step; `speed` (N,) m/s, estimated from the image; `values` (N, 2).
         """
         features = self.encoder(self.norm(image))
         pooled = self.pooled(features.mean((2, 3)))
@@ -111,7 +111,7 @@ class TcpNet(nn.Module):
 
 
 class TrajectoryBranch(nn.Module):
-    """Waypoints one after the other, each from the last one and the target point; with a value of the situation."""
+    """Predicts waypoints one after the other, each from the last waypoint and the target point, and a value."""
 
     def __init__(self, spec: TcpSpec) -> None:
         super().__init__()
@@ -140,7 +140,7 @@ class TrajectoryBranch(nn.Module):
 
 
 class ControlBranch(nn.Module):
-    """Distributions of the pedals and the wheel, now and (trajectory-guided, in training) at each step to come."""
+    """Predicts distributions of pedals and steering, now and (trajectory-guided, in training) at each future step."""
 
     def __init__(self, spec: TcpSpec, channels: int, cells: int) -> None:
         super().__init__()
@@ -170,7 +170,7 @@ class ControlBranch(nn.Module):
         return torch.stack(policies, 1), value
 
     def _beta(self, feature: Tensor) -> Tensor:
-        """Return (N, 2, 2): (steering, acceleration) x (alpha, beta), both above one, so that there is one mode."""
+        """Return (N, 2, 2): (steering, acceleration) x (alpha, beta), both above one, which gives a single mode."""
         raw: Tensor = self.policy(feature)
         return functional.softplus(raw).view(-1, 2, 2) + 1.0
 

@@ -1,4 +1,4 @@
-"""Eager torch on a CPU or a CUDA device: the engine for a GPU, and what the graphs are compared with."""
+"""Eager torch on a CPU or a CUDA device: the engine for a GPU, and the reference for the graphs."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from torch import Tensor, nn
 __all__ = ["TYPES", "TorchEngine"]
 
 TYPES = {"float32": None, "bfloat16": torch.bfloat16, "float16": torch.float16}
-"""What automatic mixed precision computes in, by the name of a `dtype`; None for none."""
+"""The type of automatic mixed precision, by the name of a `dtype`; None: no mixed precision."""
 
 
 class TorchEngine:
-    """Eager PyTorch: inference mode, channels-last, mixed precision where it is asked for."""
+    """Eager PyTorch: inference mode, channels-last, optional mixed precision."""
 
     def __init__(self, net: nn.Module, *, device: str = "cpu", dtype: str = "float32", threads: int = 1) -> None:
         self._device, self._threads = torch.device(device), threads

@@ -1,4 +1,4 @@
-"""Weights and torch networks: a file becomes a network that infers or goes on learning, a network becomes a file."""
+"""Convert between weight files and torch networks, for inference and for further training."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _UNSTORED = "num_batches_tracked"
 def load(name: str, build: Build, *, weights: str | Path | None = None) -> tuple[nn.Module, WeightsEntry]:
     """Return the network of an agent, ready to infer: frozen, in evaluation mode, batch normalisation folded.
 
-    Raises `UsageError` for everything that is not exactly what the manifest lists and the agent builds.
+    Raises `UsageError` unless the file is exactly what the manifest lists and the agent builds.
     """
     path, entry = locate(name, weights)
     content = verified_bytes(path, entry)
@@ -62,9 +62,9 @@ def encode(net: nn.Module, spec: object) -> bytes:
 
 
 def _in_order(content: bytes) -> bytes:
-    """Sort the header: safetensors writes metadata in random order, and digests would differ.
+    """Return the file with a sorted header: safetensors writes metadata in random order, so digests would differ.
 
-    Spaces make its length a multiple of 8, as safetensors does.
+    Spaces pad the header to a multiple of 8 bytes, as in safetensors.
     """
     begin, known = header_of(content)
     header = json.dumps(known, sort_keys=True, separators=(",", ":")).encode()
@@ -82,7 +82,7 @@ def _built(path: Path, entry: WeightsEntry, build: Build) -> nn.Module:
 
 
 def _fill(net: nn.Module, tensors: Tensors, path: Path) -> None:
-    """Put every tensor into its place; none may be missing and none too many."""
+    """Copy every tensor into the network; raise `UsageError` for a missing or an extra tensor."""
     own = net.state_dict()
     expected = {name: tuple(value.shape) for name, value in own.items() if not name.endswith(_UNSTORED)}
     given = {name: value.shape for name, value in tensors.items()}

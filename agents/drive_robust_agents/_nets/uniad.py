@@ -36,10 +36,10 @@ class UniadSpec:
 
 
 class Perceived(NamedTuple):
-    """What is read from the map before anything is planned.
+    """The outputs of perception, before motion and plan.
 
-    `cells` (N, cells, d) and `view` are the map; `dense` (N, cells, 8) and `heat` (N, cells) logits of what lies in a
-    cell and of an agent's centre; `lane_queries`, `lane_logits`, `lane_masks` as `LaneHead` gives them.
+    `cells` (N, cells, d) and `view` are the map. `dense` (N, cells, 8) are logits of the labels of a cell, `heat`
+    (N, cells) logits of an agent's centre. `lane_queries`, `lane_logits`, `lane_masks` are the outputs of `LaneHead`.
     """
 
     cells: Tensor
@@ -84,7 +84,7 @@ class UniadNet(BevNet):
         return cls(spec_from(UniadSpec, spec))
 
     def example(self, rows: int) -> dict[str, Tensor]:
-        """Return inputs as for every `BevNet`, with nobody known of before."""
+        """Return example inputs as for every `BevNet`, without agents from before."""
         agents = self.spec.agents
         return super().example(rows) | {
             "old_queries": torch.zeros(rows, agents, self.spec.bev.width),
@@ -114,7 +114,7 @@ class UniadNet(BevNet):
         return self.encoder.lift(tokens, can_bus), tokens[:, self.spec.bev.cameras.index("front")]
 
     def recall(self, images: Tensor, can_bus: Tensor) -> dict[str, Tensor]:
-        """Return what `forward` would give to remember for frames (N, ...) that have no memory themselves."""
+        """Return the memory that `forward` would return for frames (N, ...) without a memory of their own."""
         now, front = self.look(images, can_bus)
         unmoved = can_bus.new_zeros(can_bus.shape[0], 3)
         cells, told, view = self._survey(self.encoder.fusion(now, torch.zeros_like(now), unmoved))
@@ -129,7 +129,7 @@ class UniadNet(BevNet):
         return Perceived(cells, view, told[..., :DENSE_CHANNELS], heat, begun, tracks, *self.lane(cells, view))
 
     def foresee(self, seen: Perceived) -> Motions:
-        """Predict where agents and the ego go. Boxes say where from, but learn nothing from where to."""
+        """Predict the motions of agents and the ego. Boxes give the starts, but get no gradient from the motions."""
         tracks, boxes = seen.tracks, seen.tracks.boxes[1].detach()
         spots = functional.pad(boxes[..., :2], (0, 0, 1, 0))
         speed = functional.pad(boxes[..., 6], (1, 0))
@@ -143,14 +143,14 @@ class UniadNet(BevNet):
         return y
 
     def occupied(self, seen: Perceived, motions: Motions) -> Tensor:
-        """Return how likely each cell holds one of the agents that are believed in: (N, T, 2 rows, 2 columns), 0..1."""
+        """Return the probability that each cell holds a detected agent: (N, T, 2 rows, 2 columns), 0..1."""
         maps = self.occupancy(seen.cells, self.spec.bev.rows)
         whose = self.occupancy.of_agents(maps, seen.tracks.queries[1], motions.modes[:, 1:])
         believed = torch.sigmoid(seen.tracks.logits[1]).amax(dim=-1)
         return (torch.sigmoid(whose) * believed[..., None, None, None]).amax(dim=1)
 
     def _survey(self, fused: Tensor) -> tuple[Tensor, Tensor, MapView]:
-        """Return the map as tokens, what they say, and the overview."""
+        """Return the map as tokens, the logits of the tokens, and the overview."""
         cells = fused.flatten(2).transpose(1, 2)
         overview = self.overview(fused).flatten(2).transpose(1, 2)
         return cells, self.dense(cells), MapView(overview, self.places(self.coarse)[None], self.places)
@@ -161,7 +161,7 @@ class UniadNet(BevNet):
         return y
 
     def _hottest(self, heat: Tensor) -> Tensor:
-        """Return the cells (N, Q) with the hottest centres, local maxima before what lies beside them."""
+        """Return the cells (N, Q) with the hottest centres, local maxima before their neighbours."""
         share = torch.sigmoid(heat).reshape(heat.shape[0], self.spec.bev.rows, -1)
         peak = functional.max_pool2d(share[:, None], 3, 1, 1)[:, 0]
         worth = torch.where(share >= peak, share, _BESIDE_PEAK * share).flatten(1)
@@ -169,16 +169,16 @@ class UniadNet(BevNet):
 
 
 def memory_of(begun: FirstLayer) -> dict[str, Tensor]:
-    """Return what the next inference is told of the agents.
+    """Return the agents' memory for the next inference: queries (N, Q, d) and places of the agents.
 
-    That is queries (N, Q, d) and where the agents stand. When driving they come from a map that was mixed with the one
-    of another 0.5 s before, in training they do not: 1 cm of the last waypoint, more than 3 cm in one tick of 20.
+    When driving, the queries come from a map that was mixed with an older map; in training they come from a map without
+    memory. The difference is 1 cm at the last waypoint, more than 3 cm in one tick of 20.
     """
     return {"queries": begun.queries[:, 1:], "spots": begun.boxes[..., :2]}
 
 
 def move(spots: Tensor, motion: Tensor) -> Tensor:
-    """Move points (N, Q, 2) from the ego frame of before into that of now; `motion` (N, 3) as in `bev.warp`."""
+    """Move points (N, Q, 2) from the old ego frame to the present ego frame; `motion` (N, 3) as in `bev.warp`."""
     away = spots - motion[:, None, :2]
     cos, sin = torch.cos(motion[:, 2])[:, None], torch.sin(motion[:, 2])[:, None]
     x, y = away[..., 0], away[..., 1]

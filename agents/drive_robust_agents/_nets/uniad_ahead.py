@@ -21,10 +21,10 @@ _STEP_M, _STEP_S = 4.0, 0.5
 
 
 class Motions(NamedTuple):
-    """Of every agent, the ego first: `modes` (N, 1 + Q, M, d), `paths` (N, 1 + Q, M, T, 2), `spread` (... 3), `logits`.
+    """Motions, the ego's first: `modes` (N, 1 + Q, M, d), `paths` (N, 1 + Q, M, T, 2), `spread` (... 3), `logits`.
 
-    Paths are metres from where the agent is along its own directions (forward, right); `spread` holds the logarithms
-    of both deviations and the inverse hyperbolic tangent of their correlation.
+    Paths are metres from the agent's place along its own directions (forward, right). `spread` holds the logarithms of
+    both deviations and the inverse hyperbolic tangent of their correlation.
     """
 
     modes: Tensor
@@ -34,7 +34,7 @@ class Motions(NamedTuple):
 
 
 class UniadMotionHead(nn.Module):
-    """Where each agent may go: modes that look at agents, lanes and the map, as deviations from constant speed."""
+    """Predicts motions of each agent: modes that look at agents, lanes and map, as deviations from constant speed."""
 
     def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:
         super().__init__()
@@ -47,7 +47,7 @@ class UniadMotionHead(nn.Module):
     def forward(self, agents: Tensor, speed: Tensor, spots: Tensor, lanes: Tensor, view: MapView) -> Motions:
         """Predict motions of `agents` (N, 1 + Q, d) with `speed` (N, 1 + Q) [m/s] and `spots` (N, 1 + Q, 2).
 
-        A speed is 0 where the path says all.
+        A speed of 0 leaves the whole path to the network.
         """
         placed = agents + view.places(spots)
         query = (placed.unsqueeze(2) + self.mode).flatten(1, 2)
@@ -64,10 +64,10 @@ class UniadMotionHead(nn.Module):
 
 
 class OccupancyHead(nn.Module):
-    """Who will be where: now and every 0.5 s, on cells of half the size.
+    """Predicts occupancy, now and every 0.5 s, on cells of half the size.
 
-    A small map is carried forward by one residual convolution a step; the logit of an agent is the product of its
-    query with the cell, plus what the cell says of any agent.
+    A small map is carried forward by one residual convolution per step. The logit of an agent is the product of its
+    query with the cell, plus the cell's logit for any agent.
     """
 
     def __init__(self, width: int, *, steps: int, inputs: int = 32, features: int = 16) -> None:
@@ -90,7 +90,7 @@ class OccupancyHead(nn.Module):
         return y.reshape(cells.shape[0], -1, *y.shape[1:])
 
     def anyone(self, maps: Tensor) -> Tensor:
-        """Return logits (N, T, rows, columns) that somebody is there."""
+        """Return logits (N, T, rows, columns) that a cell is occupied by any agent."""
         return maps[:, :, self.features]
 
     def of_agents(self, maps: Tensor, agents: Tensor, modes: Tensor) -> Tensor:
@@ -103,7 +103,7 @@ class OccupancyHead(nn.Module):
 
 
 class PlannerHead(nn.Module):
-    """From the ego's motion modes, its track query (no gradient goes there) and the command to a plan.
+    """Plans from the ego's motion modes, its track query (without gradient) and the command.
 
     As UniAD's planning head: fused by a linear layer, reduced by the maximum over modes, layers of attention to the
     map (two of three), offsets that are summed up.

@@ -1,7 +1,7 @@
-"""The heads of the compact UniAD that see: tracks and lanes, each a set of queries on the map below.
+"""The perception heads of the compact UniAD: tracks and lanes, each a set of queries on the bird's-eye map.
 
 Everything is in the ego frame (x forward, y right), metres and m/s. `cells` are tokens (N, cells, d) of the bird's-eye
-map; a `MapView` holds tokens of the same map at half the resolution, which is what queries attend to.
+map. Queries attend to a `MapView`, which holds tokens of this map at half the resolution.
 Outputs are padded to multiples of four numbers, so that the bits of a row do not depend on other rows.
 """
 
@@ -22,7 +22,7 @@ _HIDDEN = -1.0e4
 
 
 class PriorAgents(NamedTuple):
-    """What was known of others 0.5 s ago: queries (N, Q, d), where (N, Q, 2) seen from here, and whether (N,)."""
+    """Agents known from 0.5 s ago: queries (N, Q, d), places (N, Q, 2) in the present ego frame, valid rows (N,)."""
 
     queries: Tensor
     spots: Tensor
@@ -30,7 +30,7 @@ class PriorAgents(NamedTuple):
 
 
 class MapView(NamedTuple):
-    """The `overview` tokens (N, K, d), the codes of their places (1, K, d), and what makes such codes."""
+    """The `overview` tokens (N, K, d), the codes of their places (1, K, d), and the encoder of places."""
 
     tokens: Tensor
     code: Tensor
@@ -38,7 +38,7 @@ class MapView(NamedTuple):
 
 
 class FirstLayer(NamedTuple):
-    """After the first layer: queries (N, 1 + Q, d), the ego's first; class logits (N, Q, 4); boxes (N, Q, 8)."""
+    """Outputs of the first layer: queries (N, 1 + Q, d), the ego's first; class logits (N, Q, 4); boxes (N, Q, 8)."""
 
     queries: Tensor
     logits: Tensor
@@ -46,11 +46,11 @@ class FirstLayer(NamedTuple):
 
 
 class Tracks(NamedTuple):
-    """Of both layers: `logits` (N, Q, 4), `boxes` (N, Q, 8), `queries` (N, Q, d); the ego's query (N, 1, d).
+    """Outputs of both layers: `logits` (N, Q, 4), `boxes` (N, Q, 8), `queries` (N, Q, d); the ego's query (N, 1, d).
 
-    A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing. `hints` (N, 8) is
-    read from the ego's query to teach it what matters to a driver: five logits of the light ahead, and how near are
-    its line, a leader, a body in the way.
+    A box is x, y, sin yaw, cos yaw, log length, log width, speed, and an unused number. `hints` (N, 8) are read from
+    the ego's query, to teach this query the facts that matter to a driver: five logits of the light ahead, and the
+    nearness of the light's line, of a leader, and of a body in the way.
     """
 
     logits: tuple[Tensor, Tensor]
@@ -61,11 +61,12 @@ class Tracks(NamedTuple):
 
 
 class TrackHead(nn.Module):
-    """One query for each agent and one for the ego; what was seen 0.5 s ago is propagated and looked at.
+    """One query for each agent and one for the ego, with the queries of 0.5 s ago as memory.
 
-    Queries begin where the heat map of centres is hottest (one cell each, a local maximum before its neighbours), with
-    the feature found there. After a first layer, the old queries are propagated: each looks again at the map, around
-    where it stood (the query interaction module). The second layer of the new ones looks at the map and at them.
+    Queries begin at the hottest cells of the heat map of centres (one cell each, a local maximum before its
+    neighbours), with the feature of the cell. After a first layer, the old queries are propagated: each looks again at
+    the map around its old place (the query interaction module). The second layer of the new queries looks at the map
+    and at the propagated queries.
     """
 
     def __init__(self, width: int, heads: int, queries: int) -> None:
@@ -79,7 +80,7 @@ class TrackHead(nn.Module):
         self.hints = Mlp(width, width, 8)
 
     def begin(self, cells: Tensor, picks: Tensor, spots: Tensor, view: MapView, front: Tensor) -> FirstLayer:
-        """Read one picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
+        """Run the first layer on one picture alone: `picks` (N, Q) are cells and `spots` (N, Q, 2) their middles."""
         newborn = self.start(cells.gather(1, picks[..., None].expand(-1, -1, cells.shape[-1])))
         ego = self.front(self.ego.expand(cells.shape[0], -1, -1), front)
         places = view.places
@@ -89,7 +90,7 @@ class TrackHead(nn.Module):
         return FirstLayer(query, *self._read(0, query[:, 1:], spots))
 
     def forward(self, begun: FirstLayer, view: MapView, old: PriorAgents) -> Tracks:
-        """Refine the queries with what was known before."""
+        """Refine the queries with the agents known from 0.5 s ago."""
         places, spots = view.places, begun.boxes[..., :2].detach()
         there = places(old.spots)
         kept = self.propagate(old.queries, view.tokens, query_position=there, memory_position=view.code)
@@ -115,7 +116,7 @@ class TrackHead(nn.Module):
 class LaneHead(nn.Module):
     """Queries for the lines of the map: a class each, and a mask by its product with the cells (as Panoptic SegFormer).
 
-    Gives queries (N, V, d), class logits (N, V, 8, the first six of `LANE_CLASSES`) and mask logits (N, V, cells).
+    Returns queries (N, V, d), class logits (N, V, 8, the first six of `LANE_CLASSES`) and mask logits (N, V, cells).
     """
 
     def __init__(self, width: int, heads: int, queries: int) -> None:
@@ -126,7 +127,7 @@ class LaneHead(nn.Module):
         self.mask, self.paint = Mlp(width, width, width), nn.Linear(width, width)
 
     def forward(self, cells: Tensor, view: MapView) -> tuple[Tensor, Tensor, Tensor]:
-        """Look at the map; paint."""
+        """Return lane queries, class logits and mask logits from the map."""
         start = self.content.expand(cells.shape[0], -1, -1)
         query = self.layer(start, view.tokens, query_position=start, memory_position=view.code)
         masks = self.mask(query) @ self.paint(cells).transpose(1, 2) * cells.shape[-1] ** -0.5

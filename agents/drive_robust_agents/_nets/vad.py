@@ -24,9 +24,9 @@ _COMMANDS = 6
 class VadSpec:
     """Sizes of a `VadNet`.
 
-    `agents` and `vectors` are how many queries look for road users and lines of the map (of `points` points each),
-    `layers` how often they look, `modes` how many futures an agent has, `steps` how many 0.5 s a plan has.
-    `ego_sees_bev`: the ego query also looks at the bird's-eye features themselves.
+    `agents` and `vectors` are the numbers of queries for road users and for map lines (of `points` points each),
+    `layers` the number of decoder layers, `modes` the number of futures of an agent, `steps` the number of 0.5 s steps
+    of a plan. `ego_sees_bev`: the ego query also attends to the bird's-eye features themselves.
     """
 
     bev: BevSpec = field(default_factory=BevSpec)
@@ -78,11 +78,11 @@ class VadNet(BevNet):
         return {"waypoints": choose(plans, command), "bev": bev}
 
     def heads(self, fused: Tensor) -> dict[str, Any]:
-        """Compute everything that is read from the fused map (N, d, rows, columns).
+        """Compute all heads on the fused map (N, d, rows, columns).
 
-        `plans` (N, 6 commands, 6 steps, 2), `hints` (N, 8); per layer `agent_logits`, `boxes`, `line_logits`, `lines`;
-        `paths` (N, Q, modes, 6, 2) from where an agent is, `path_logits` (N, Q, modes); `tokens` (N, cells, d) for the
-        auxiliary `dense`.
+        Returns `plans` (N, 6 commands, 6 steps, 2), `hints` (N, 8); per layer `agent_logits`, `boxes`, `line_logits`,
+        `lines`; `paths` (N, Q, modes, 6, 2) relative to the agent's place, `path_logits` (N, Q, modes); `tokens`
+        (N, cells, d) for the auxiliary `dense`.
         """
         tokens = fused.flatten(2).transpose(1, 2)
         cells = self.places(self.centres)

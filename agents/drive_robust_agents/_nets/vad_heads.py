@@ -19,7 +19,7 @@ _STEP_M, _NEAR_M, _SPEED_MPS = 4.0, 8.0, 8.0
 
 
 class AgentHead(nn.Module):
-    """Queries that look for other road users, each from an anchor of its own which a layer moves for the next one."""
+    """Queries for other road users, each with its own anchor, which every layer moves for the next layer."""
 
     def __init__(self, width: int, heads: int, *, queries: int, layers: int) -> None:
         super().__init__()
@@ -31,7 +31,7 @@ class AgentHead(nn.Module):
     def forward(self, bev: Tensor, cells: Tensor, places: PointEncoding) -> tuple[Tensor, list[Tensor], list[Tensor]]:
         """Return (queries (N, Q, d), class logits (N, Q, 4) of each layer, boxes (N, Q, 8) of each layer).
 
-        A box is x, y, sin yaw, cos yaw, log length, log width, speed, and a number that means nothing.
+        A box is x, y, sin yaw, cos yaw, log length, log width, speed, and an unused number.
         """
         rows = bev.shape[0]
         query = self.content.expand(rows, -1, -1)
@@ -49,7 +49,7 @@ class AgentHead(nn.Module):
 
 
 class MapHead(nn.Module):
-    """Vectors of the map: an instance embedding plus a point embedding is the query of one point of one line."""
+    """Queries for map lines: an instance embedding plus a point embedding is the query of one point of one line."""
 
     def __init__(self, width: int, heads: int, *, vectors: int, points: int, layers: int) -> None:
         super().__init__()
@@ -78,7 +78,7 @@ class MapHead(nn.Module):
 
 
 class VadMotionHead(nn.Module):
-    """Where agents may go: modes as queries that see one another and the lanes."""
+    """Predicts motions of agents: modes are queries that attend to one another and to the lanes."""
 
     def __init__(self, width: int, heads: int, *, modes: int, steps: int) -> None:
         super().__init__()
@@ -94,7 +94,7 @@ class VadMotionHead(nn.Module):
     def forward(self, agents: Tensor, place: Tensor, lanes: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Return (agents with their modes fused (N, Q, d), paths (N, Q, M, steps, 2), mode logits (N, Q, M)).
 
-        Paths are metres from where the agent is, in the directions of the ego frame. `place` (N, Q, d) and `lanes`
+        Paths are metres from the agent's place, in the directions of the ego frame. `place` (N, Q, d) and `lanes`
         (N, V, d) carry the codes of their places.
         """
         modes = (agents + place).unsqueeze(2) + self.mode
@@ -108,9 +108,9 @@ class VadMotionHead(nn.Module):
 
 
 class PlanHead(nn.Module):
-    """The ego query looks at the picture from above, at agents, at lanes, and gives one plan for each command.
+    """Plans for each command by an ego query that attends to the bird's-eye map, to agents and to lanes.
 
-    Neither the speed nor the command enter it: the command only chooses among the plans.
+    Neither the speed nor the command is an input: the command only chooses among the plans.
     """
 
     def __init__(self, width: int, heads: int, *, commands: int, steps: int, sees_bev: bool) -> None:
@@ -127,8 +127,8 @@ class PlanHead(nn.Module):
 
         `agents` and `lanes` carry the codes of their places.
 
-        Hints are what the ego knows about the light (5 logits: none, green, yellow, red, stop sign) and how near a
-        stop line, a leader and an obstacle are (1 here, 0 far away): for training only.
+        Hints are the ego's estimates of the light (5 logits: none, green, yellow, red, stop sign) and of the nearness
+        of a stop line, a leader and an obstacle (1 here, 0 far away); for training only.
         """
         ego = self.ego.expand(bev.shape[0], -1, -1)
         if self.overview is not None:
@@ -141,7 +141,7 @@ class PlanHead(nn.Module):
 
 
 def _grid(queries: int) -> Tensor:
-    """Return (queries, 2) metres: rows of four from behind the ego to far ahead, denser where it matters."""
+    """Return anchors (queries, 2) in metres: rows of four from behind the ego to far ahead, denser near the ego."""
     rows = -(-queries // 4)
     x = torch.linspace(0.0, 1.0, rows) ** 1.5 * 64.0 - 10.0
     y = torch.tensor([-9.0, -3.0, 3.0, 9.0])
@@ -149,7 +149,7 @@ def _grid(queries: int) -> Tensor:
 
 
 def _lines(vectors: int, points: int) -> Tensor:
-    """Return (vectors, points, 2) metres: a third of the lines lie across the road, the others along it."""
+    """Return line anchors (vectors, points, 2) in metres: a third lie across the road, the others along it."""
     across = vectors // 3
     t = torch.linspace(0.0, 1.0, points)
     sides = torch.linspace(-10.0, 10.0, vectors - across)

@@ -1,8 +1,8 @@
-"""Weights that ship: safetensors in half precision, listed in a manifest, checked before anything is made of them.
+"""Shipped weights: safetensors in half precision, listed in a manifest, verified before use.
 
 The order of loading: the manifest's entry, the size, the SHA-256 of the bytes, the header's metadata against the entry,
-the architecture against the agent's, then every tensor by name and shape. Nothing in a weight file or graph is code and
-nothing in it decides what is built; a file that fails any step is refused with `UsageError`. No torch here.
+the architecture against the agent's, then every tensor by name and shape. A weight file or graph contains no code and
+does not decide which network is built. A file that fails any step is refused with `UsageError`. No torch here.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ SHIPPED = Path(__file__).parent.parent / "weights"
 ADVICE = "Install drive-robust-agents again, or give weights of your own with their manifest.json beside them."
 
 _PICKLES = (b"PK", *(bytes((0x80, protocol)) for protocol in range(2, 6)))
-"""How `torch.save` and `pickle.dump` begin their files."""
+"""The first bytes of files by `torch.save` and `pickle.dump`."""
 _TYPES = {"F16": np.float16, "F32": np.float32, "F64": np.float64, "I64": np.int64, "I32": np.int32, "U8": np.uint8}
-"""Of tensors in a safetensors file, little-endian as all that we run on."""
+"""Types of tensors in a safetensors file; little-endian, as are all machines that we support."""
 
 
 def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsEntry]:
-    """Return the file and the manifest entry of an agent: those that ship, or a file beside its `manifest.json`."""
+    """Return the weight file and the manifest entry of an agent: the shipped file, or `weights` with its manifest."""
     folder = SHIPPED if weights is None else Path(weights).absolute().parent
     entry = read_manifest(folder, name)
     path = folder / entry.file
@@ -57,23 +57,23 @@ def locate(name: str, weights: str | Path | None = None) -> tuple[Path, WeightsE
 
 
 def verified_bytes(path: Path, entry: WeightsEntry) -> bytes:
-    """Return the content of a weight file that is what the manifest says, to the byte. Raises `UsageError`."""
+    """Return the content of a weight file. Raises `UsageError` unless it equals the manifest's entry to the byte."""
     return _verified(path, entry.size_bytes, entry.sha256, entry.label)
 
 
 def verified_graph(path: Path, entry: WeightsEntry, graph: GraphFile) -> bytes:
-    """Return the content of a graph that is what the manifest says, to the byte; `path` is the weight file.
+    """Return the content of a graph; `path` is the weight file.
 
-    Raises `UsageError`.
+    Raises `UsageError` unless the content equals the manifest's entry to the byte.
     """
     return _verified(path.with_name(graph.file), graph.size_bytes, graph.sha256, entry.label)
 
 
 def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture: str) -> Tensors:
-    """Return the tensors of a weight file whose header says what the manifest says, views of `content`.
+    """Return the tensors of a weight file as views of `content`.
 
-    Raises `UsageError` for another kind of file, another header, and for weights of another network than
-    `architecture`.
+    Raises `UsageError` for another kind of file, for a header that differs from the manifest, and for weights of
+    another network than `architecture`.
     """
     try:
         begin, header = header_of(content)
@@ -94,16 +94,16 @@ def tensors_of(path: Path, entry: WeightsEntry, content: bytes, *, architecture:
 
 
 def header_of(content: bytes) -> tuple[int, dict[str, Any]]:
-    """Return where the tensors of a weight file begin, in bytes, and its header. Raises `ValueError` where none is.
+    """Return the offset of the tensors in a weight file in bytes, and the header. Raises `ValueError` without a header.
 
-    A file is the header's length in 8 bytes, the header (JSON), the tensors one after the other.
+    A file is the header's length in 8 bytes, the header (JSON), and the tensors one after the other.
     """
     begin = 8 + int.from_bytes(content[:8], "little")
     return begin, json.loads(content[8:begin])
 
 
 def metadata(architecture: str, spec: Mapping[str, Any]) -> dict[str, str]:
-    """Return what the header of a weight file says of the network."""
+    """Return the metadata that the header of a weight file has for a network."""
     return {"arch": architecture, "spec": json.dumps(spec, sort_keys=True), "format_version": str(FORMAT_VERSION)}
 
 

@@ -1,6 +1,6 @@
-"""The closed vocabulary of `simlingo`: every word that it reads or writes, and a tokenizer that refuses all others.
+"""The closed vocabulary of `simlingo`: every word that the agent reads or writes, and a strict tokenizer.
 
-It is no language model: what it was not trained on has no meaning to it, so a word that is not in the list is an
+`simlingo` is no language model: words outside its training have no meaning, so a word that is not in the list is an
 error and never a guess. Numbers are spelt digit by digit: `8.5 m/s` is `8 . 5 m/s`. No torch here.
 """
 
@@ -32,7 +32,7 @@ _COMMENTARY = (
 _TEXT = " ".join((_PROMPT, _COMMANDS, _INSTRUCTIONS, _THINGS, _COMMENTARY))
 
 VOCABULARY: tuple[str, ...] = (*SPECIALS, *_NUMBERS, *_TEXT.split())
-"""All words; a word's number is its place. New words go to the end, or old weights read wrongly."""
+"""All words; a word's number is its place. New words must go to the end, because old weights keep their numbers."""
 
 _NUMBER_OF = {word: number for number, word in enumerate(VOCABULARY)}
 PAD, SPEED, TARGET, NEXT, FOLLOW, SAFETY, ANSWER, CLOSING = range(len(SPECIALS))
@@ -41,7 +41,7 @@ _TOKEN = re.compile(r"(?P<word><[a-z]+>|waypoints:|m/s|[a-z]+|\d|(?<=\d) ?\.(?= 
 
 
 def encode(text: str) -> tuple[int, ...]:
-    """Turn words into numbers; upper case and punctuation do not matter. Raises `UsageError` for any other word.
+    """Return the numbers of the words; case and punctuation are ignored. Raises `UsageError` for an unknown word.
 
     >>> decode(encode("Drive at 8.5 m/s!"))
     'drive at 8.5 m/s'
@@ -58,7 +58,7 @@ def encode(text: str) -> tuple[int, ...]:
 
 
 def decode(numbers: Iterable[int]) -> str:
-    """Turn numbers into words, without filler. Raises `UsageError` for a number that no word has."""
+    """Return the words of the numbers, without filler. Raises `UsageError` for an unknown number."""
     words = []
     for number in numbers:
         if not 0 <= number < len(VOCABULARY):

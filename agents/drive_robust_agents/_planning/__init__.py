@@ -1,1 +1,1 @@
-"""The rooms of the planner behind the privileged agents `expert` and `reactive`."""
+"""The modules of the planner behind the privileged agents `expert` and `reactive`."""

@@ -1,6 +1,6 @@
 """The columns of `Traffic.boxes`, one row for each actor: metres, radians, m/s, m/s2, cosine and sine of the yaw.
 
-Kernels that need less are given tables of the first six.
+Some kernels take tables of the first six columns only.
 """
 
 from __future__ import annotations

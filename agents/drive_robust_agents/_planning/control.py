@@ -1,4 +1,4 @@
-"""From a wanted path and a wanted acceleration to pedals and steering; how fast a path can be driven."""
+"""Convert a wanted path and acceleration to pedals and steering; compute the speed profile of a path."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _SETTLE_M, _SETTLE_S = 2.0, 0.45
 def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> Floats:
     """Return the highest sensible speed at each row of a (n, 4) route in m/s, (n,).
 
-    The limit of the row, lowered so that curves stay below `lateral_mps2`, and lowered before slower rows so that
-    braking at `brake_mps2` reaches them in time.
+    The speed is the limit of the row, lowered so that curves stay below `lateral_mps2`, and lowered before slower rows
+    so that braking at `brake_mps2` is enough.
     """
     turn = np.abs(np.gradient(np.unwrap(route[:, 2]))) if len(route) > 1 else np.zeros(len(route))
     smooth = moving_sum(np.pad(turn, 3, mode="edge"), (1.0 / 7.0,) * 7)
@@ -36,9 +36,9 @@ def speed_profile(route: Floats, *, lateral_mps2: float, brake_mps2: float) -> F
 def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     """Return the steering (-1..1) that brings the ego onto a line and keeps it there.
 
-    `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The curvature of the line, corrected by
-    the angle and the distance to it so that the ego comes back without overshooting, within a length that grows with
-    the speed.
+    `line` is (n, >=3): x, y, yaw, about one row a metre; the ego is near `row`. The steering follows the curvature of
+    the line, corrected by the angle and the distance to the line, so that the ego comes back without overshooting,
+    within a length that grows with the speed.
     """
     at, right = project(line, row - 6, row + 14, ego.x_m, ego.y_m)
     k = int(min(max(at, 3), len(line) - 4)) if len(line) > 7 else 0
@@ -46,7 +46,7 @@ def steer_along(ego: EgoState, line: Floats, row: int) -> float:
     bend = math.remainder(line[high, 2] - line[low, 2], math.tau) / max(high - low, 1)
     heading = line[k, 2] + (at - k) * bend
     length = max(_SETTLE_M, _SETTLE_S * ego.speed_mps)
-    slip = atan(mkz.REAR_M * bend)  # the middle moves aside of the nose
+    slip = atan(mkz.REAR_M * bend)  # the middle moves at this angle to the heading
     lean = math.remainder(ego.yaw_rad + slip - heading, math.tau)
     return mkz.steer(bend - 2.0 * lean / length - right / (length * length))
 

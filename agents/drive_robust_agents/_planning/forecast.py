@@ -1,4 +1,4 @@
-"""Try the ego's plans against the tracks of everybody else: when is there trouble? Compiled."""
+"""Simulate the ego's plans against the predicted tracks of all actors, to find when trouble begins; compiled."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from pytest_drive_robust.jit.kernels import entry, inner
 __all__ = ["rollouts"]
 
 _DRIVE_LAG = 0.4
-"""The engine gives so much of what is asked for in the first step."""
+"""Share of the wanted acceleration that the engine gives in the first step."""
 _SETTLE_MPS2 = 2.5
-"""How hard the ego slows down for a lower speed limit."""
+"""Deceleration of the ego for a lower speed limit."""
 _LEADER_BRAKE_MPS2, _RECOVER_MPS2 = 5.5, 2.5
-"""How hard somebody ahead may brake, and how hard somebody who braked for the ego accelerates again."""
+"""Braking expected of a leader, and acceleration expected of an actor that has braked for the ego."""
 _NOTICED_M, _NOTICED_STEPS = 1.0, 2
-"""Who follows, with the ego's middle so near to his line already, is expected to brake for it, after so many steps."""
+"""A follower is expected to brake for the ego if the ego's middle is so near to his line, after so many steps."""
 _FOLLOWS_COSINE = 0.6
 _BICYCLE_WIDTH_M = 1.0
-"""Nobody narrower than this is expected to brake for the ego."""
+"""Actors narrower than this are not expected to brake for the ego."""
 _NOSE_M, _TAIL_M, _HARD_BRAKE_MPS2 = 2.5, 3.0, 6.0
 """With so much of its nose in a junction the ego still waits before it, unless it cannot stop any more; with so much
 of its tail in it, it is out."""
 
 _LENGTH, _WIDTH, _LEADS, _CLOSE, _FOLLOWS, _CLOCK, _SPEED = range(7)
-"""Columns of the table of those who come near, while one plan is tried."""
+"""Columns of the table of near actors during the trial of one plan."""
 
 
 @inner
@@ -51,7 +51,7 @@ def _touch(
 
 @inner
 def _near(path: Floats, s0: float, reach: float, forecast: Floats, actors: Floats, steps: int) -> Ints:
-    """Return the numbers of those who come near the next `reach` metres of the path at all."""
+    """Return the numbers of the actors that come near the next `reach` metres of the path."""
     a, b = int(min(max(s0 - 10.0, 0.0), len(path) - 1.0)), int(min(s0 + reach + 6.0, len(path) - 1.0)) + 1
     left, right, low, high = path[a, 0], path[a, 0], path[a, 1], path[a, 1]
     for k in range(a, b):
@@ -83,7 +83,7 @@ def _ego_speed(v: float, accel: float, limit: float) -> float:
 
 @inner
 def _stays_out(s0: float, s: float, v0: float, half: float, junctions: Floats) -> bool:
-    """Return False when a plan ends within a junction that it could have waited for."""
+    """Return False when a plan ends within a junction before which the ego could have waited."""
     if s - s0 < 0.1 + v0 * v0 / (2.0 * _HARD_BRAKE_MPS2):
         return True
     for b in range(len(junctions)):
@@ -98,10 +98,10 @@ def _hits(
     x: float, y: float, c: float, s: float, v: float, step: int, forecast: Floats, i: int, steps: int, others: Floats,
     j: int, size: Floats, margins: Floats, yields_mps2: float,
 ) -> bool:  # fmt: skip
-    """Return whether the ego hits somebody, `i` of the forecast and row `j` of `others`, who moves on by one step.
+    """Advance an actor, `i` of the forecast and row `j` of `others`, by one step; return whether the ego hits it.
 
-    His clock and his speed are updated: the clock runs slower for who brakes. He is expected to brake for an ego that
-    he follows already; for one that comes into his way nobody does.
+    The actor's clock and speed are updated; the clock runs slower for a braking actor. The actor is expected to brake
+    for an ego that it follows already, but not for an ego that comes into its way.
     """
     length, width, clock, speed = others[j, _LENGTH], others[j, _WIDTH], others[j, _CLOCK], others[j, _SPEED]
     leads = others[j, _LEADS] > 0.0
@@ -139,7 +139,7 @@ def _hits(
 
 @inner
 def _leads_over(forecast: Floats, i: int, steps: int, x: float, y: float, c: float, s: float) -> bool:
-    """Return whether somebody's track comes from behind over the place (x, y), about the way of (cosine, sine)."""
+    """Return whether an actor's track leads from behind over the place (x, y), in about the direction (c, s)."""
     for step in range(steps):
         oc, os = forecast[i, step, 4], forecast[i, step, 5]
         dx, dy = x - forecast[i, step, 0], y - forecast[i, step, 1]
@@ -159,13 +159,12 @@ def rollouts(
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return (seconds until trouble, metres driven until then) for each plan; without trouble the whole horizon.
 
-    `path` is (n, 5) x, y, yaw, cosine and sine of yaw, about one row a metre; `forecast` comes from
-    `tracks.tracks`, of which the first `steps` count; `actors` are `Traffic.boxes`; `plans` (m, 3) accelerate at
-    [0] for [1] seconds, then at [2]. `limits` is the speed limit of each row. `margins` are metres added to the
-    ego's length, its width, and seconds by which who crosses may come earlier or later. Trouble is an overlap of
-    two boxes, the front bumper beyond row `stop_s`, or being within one of the `junctions` (first row, last row) at
-    the end although it was possible to wait before it. Who follows the ego already is expected to brake for
-    it at `yields_mps2`, nobody else.
+    `path` is (n, 5) x, y, yaw, cosine and sine of yaw, about one row a metre. `forecast` comes from `tracks.tracks`, of
+    which the first `steps` count. `actors` are `Traffic.boxes`. `plans` (m, 3) accelerate at [0] for [1] seconds, then
+    at [2]. `limits` is the speed limit of each row. `margins` are metres added to the ego's length and width, and
+    seconds by which crossing actors may come earlier or later. Trouble is an overlap of two boxes, the front bumper
+    beyond row `stop_s`, or an end within one of the `junctions` (first row, last row) before which the ego could have
+    waited. Only followers of the ego are expected to brake for the ego, at `yields_mps2`.
     """
     half, last = 0.5 * size[0], len(path) - 2.0
     found, driven = np.full(len(plans), steps * STEP_S), np.zeros(len(plans))
@@ -180,7 +179,7 @@ def rollouts(
     for j in range(len(near)):
         i = near[j]
         length, width = actors[i, box.LENGTH], actors[i, box.WIDTH]
-        # who is within the margins already cannot be kept out of them
+        # an actor that is within the margins already cannot be kept out of the margins
         close = _touch(
             forecast[i, 0, 0] - x, forecast[i, 0, 1] - y, path[k, 3], path[k, 4], size[0] + margins[0],
             size[1] + margins[1], forecast[i, 0, 4], forecast[i, 0, 5], length, width,

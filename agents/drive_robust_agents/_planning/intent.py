@@ -1,4 +1,4 @@
-"""What is behind the last control of the expert: for labels, commentary and overlays."""
+"""The reasons of the expert's last control, for labels, commentary and overlays."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ __all__ = ["Intent"]
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """The line that is followed, and why it is driven at that speed.
+    """The line that the expert follows, and the reasons of its speed.
 
     `line` is (n, 5) x, y, yaw, cosine and sine of yaw, one row for each row of `scene.route`; the ego is at `row`. The
-    front bumper must not pass row `rule_row` (a red light, a stop sign not yet honoured) nor row `stop_row` (that, or
-    where the way around an obstacle or a lane change is waited for); both are infinite where nothing is in the way.
-    `passing`: on the way around something, or out of the way of a siren; `waiting`: for a gap to leave a parking space,
-    to change lanes or to pass something.
+    front bumper must not pass row `rule_row` (a red light, a stop sign without a stop yet), nor row `stop_row` (the
+    rule row, or where the ego waits to pass an obstacle or to change lanes); infinite where nothing is in the way.
+    `passing`: the ego passes an obstacle or clears the way for a siren. `waiting`: the ego waits for a gap to leave a
+    parking space, to change lanes or to pass an obstacle.
     """
 
     scene: StaticScene

@@ -1,4 +1,4 @@
-"""Who comes the other way and reaches into the ego's lane, compiled."""
+"""Find oncoming actors that reach into the ego's lane (invaders); compiled."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ __all__ = ["invader_edge"]
 
 _LOOK_M, _BEHIND_M = 90, 3.0
 _TURNING_M = 12.0
-"""Who turns within so many metres of a junction crosses lanes for good reasons."""
+"""Distance from a junction within which a turning actor is no invader, because its turn crosses lanes."""
 _REACHES_M, _BESIDE_M = 0.05, -0.5
 
 
 def invader_edge(scene: StaticScene, boxes: Floats, row: float, half_lane_m: float) -> float | None:
-    """Return how far right of the route the farthest invader ahead reaches, metres, or None.
+    """Return how far to the right of the route the invaders ahead reach at most [m], or None without an invader.
 
-    `boxes` are `Traffic.boxes`, the ego is at `row` and its lane is twice `half_lane_m` wide.
+    `boxes` are `Traffic.boxes`; the ego is at `row`, and its lane is twice `half_lane_m` wide.
     """
     edge = _edge(scene.route, scene.cosines, scene.sines, scene.junctions, scene.given, boxes, row, half_lane_m)
     return edge if edge > -np.inf else None

@@ -1,4 +1,4 @@
-"""The lanes that the ego wants: those of the route, changed when there is a gap, and the one that frees the way."""
+"""Choose the ego's lanes: the route's lanes, changed in a gap, and the lane that frees the way for a siren."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pytest_drive_robust.jit.arrays import Floats
 __all__ = ["LaneChanges", "Siren"]
 
 _EARLY_M = 45.0
-"""A lane change may begin so much before the place where the route changes lanes."""
+"""Distance before the route's lane change at which the ego may already change."""
 _CHANGE_S, _SHORTEST_M, _LONGEST_M = 2.4, 13.0, 60.0
 _SHORT_WINDOW_M = 25.0
 _STOP_BEFORE_END_M = 13.0
@@ -27,7 +27,7 @@ _EMERGENCY, _PEDESTRIAN = int(ActorKind.EMERGENCY), int(ActorKind.PEDESTRIAN)
 
 
 class LaneChanges:
-    """The lane changes of the route, one after the other, each as soon as it is found free."""
+    """The lane changes of the route in order; each begins as soon as it is free."""
 
     def __init__(self, scene: StaticScene) -> None:
         self._scene = scene
@@ -52,7 +52,7 @@ class LaneChanges:
         return self._changed(change, row, end)
 
     def adopt(self, profile: Floats) -> None:
-        """Take `profile`, the latest candidate, as the change that is under way."""
+        """Make `profile`, the latest candidate, the current lane change."""
         self.busy_until_row = self._ends_row
         self._left.pop(0)
         self._settled = profile
@@ -63,7 +63,7 @@ class LaneChanges:
         return math.inf if self.pending is None else self.pending.last - _STOP_BEFORE_END_M
 
     def traffic_mps(self, traffic: Traffic, row: float) -> float | None:
-        """Return the mean speed near the ego in the lane to be taken; None when it is empty or it is early."""
+        """Return the mean traffic speed [m/s] near the ego in the new lane; None without traffic or too early."""
         change = self.pending
         if change is None or row < max(change.first - 30.0, change.start - _EARLY_M):
             return None
@@ -93,7 +93,7 @@ class LaneChanges:
 
 
 class Siren:
-    """Frees the lane for an emergency vehicle behind, and comes back once it has passed."""
+    """Clears the lane for an emergency vehicle behind the ego, and returns once that vehicle has passed."""
 
     _APPROACH_M, _PASSED_M, _SHIFT_M = 70.0, 12.0, 24.0
 
@@ -102,11 +102,11 @@ class Siren:
 
     @property
     def active(self) -> bool:
-        """Whether the ego is out of the way now."""
+        """Whether the ego has moved aside."""
         return self._aside is not None
 
     def shifts(self, scene: StaticScene, traffic: Traffic, world: WorldState, row: float) -> list[Floats]:
-        """Return profiles, best first, that free the lane when added to its own; none while nobody wants to pass."""
+        """Return profiles to add to the lane's own that clear the lane, best first; none without a siren behind."""
         if self.active:
             return []
         ahead = self._metres_ahead(traffic, world)
@@ -120,7 +120,7 @@ class Siren:
         self._aside = profile
 
     def profile(self, traffic: Traffic, world: WorldState) -> Floats | None:
-        """Return what is added to the lane's own profile now, or None."""
+        """Return the profile to add to the lane's own profile now, or None."""
         if self._aside is None:
             return None
         ahead = self._metres_ahead(traffic, world)
@@ -141,7 +141,7 @@ class Siren:
 
 
 def _free_sides_m(scene: StaticScene, row: float) -> list[float]:
-    """Return sideways metres that free the lane: to the right lane, to the left one, else to the right edge."""
+    """Return sideways metres that clear the lane: to the right lane, to the left lane, else to the right edge."""
     found = []
     for side, sign in (("right", 1.0), ("left", -1.0)):
         lane, same_way = scene.neighbour(row, side)

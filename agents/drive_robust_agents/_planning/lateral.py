@@ -1,6 +1,6 @@
-"""Lateral profiles: metres to the right of the route at each row, and the paths that they make.
+"""Lateral profiles, metres to the right of the route at each row, and the paths of these profiles.
 
-A profile is an (n,) array. A manoeuvre is a profile; where the ego is not on it, the path leads back smoothly.
+A profile is an (n,) array. A manoeuvre is a profile; from an ego beside the profile, the path leads back smoothly.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from pytest_drive_robust.jit.kernels import entry
 __all__ = ["blend", "line_of", "path_of", "shift_length_m"]
 
 _BEND_PER_M, _LATERAL_MPS2 = 0.23, 2.5
-"""The narrowest turn of the ego, as a curvature, and what passengers bear."""
+"""Greatest curvature of the ego's turns, and greatest lateral acceleration for passengers."""
 _SWING_RADIUS_M = 5.2
 _ON_IT, _CUBIC, _SWING = range(3)
-"""The way onto a profile: none, because the ego is on it; a cubic; two arcs."""
+"""The way onto a profile: none, because the ego is on the profile; a cubic; two arcs."""
 _SWING_FROM_M, _SWING_BELOW_MPS = 1.2, 4.0
 
 
@@ -39,10 +39,10 @@ def shift_length_m(speed_mps: float, sideways_m: float) -> float:
 def path_of(
     scene: StaticScene, profile: Floats, row: float, right_m: float, *, speed_mps: float, drift: float = 0.0
 ) -> Floats:
-    """Return (n, 5) x, y, yaw, cosine and sine of yaw: from where the ego is onto the profile, then along it.
+    """Return the path from the ego onto the profile, then along it: (n, 5) x, y, yaw, cosine and sine of yaw.
 
-    The way runs on arcs out of a parking space, else on a cubic that fits the heading. `drift` is the metres to the
-    right that the ego's heading gains in a metre of the route.
+    The way onto the profile uses arcs out of a parking space, else a cubic that fits the heading. `drift` is the metres
+    to the right that the ego's heading gains per metre of the route.
     """
     here = int(min(max(row, 0.0), scene.count - 2.0))
     slope = float(profile[here + 1] - profile[here])
@@ -53,14 +53,14 @@ def path_of(
     if abs(away) > _SWING_FROM_M and speed_mps < _SWING_BELOW_MPS and abs(lean) < 0.1:
         return _lay(scene.route, scene.cosines, scene.sines, profile, _SWING, row, away, 0.0, 1.0)
     bend = min(_BEND_PER_M, _LATERAL_MPS2 / (max(speed_mps, 1.0) * max(speed_mps, 1.0)))
-    closing = -lean * math.copysign(1.0, away)  # positive: the ego is on its way back already
+    closing = -lean * math.copysign(1.0, away)  # positive: the ego already heads back
     length = (-4.0 * closing + math.sqrt(16.0 * closing * closing + 24.0 * bend * abs(away))) / (2.0 * bend)
     length = max(length, 0.9 * speed_mps, 4.0)
     return _lay(scene.route, scene.cosines, scene.sines, profile, _CUBIC, row, away, lean, length)
 
 
 def line_of(scene: StaticScene, profile: Floats) -> Floats:
-    """Return (n, 5) as `path_of`: the line that runs so many metres to the right of the route."""
+    """Return the line of a profile, (n, 5) as `path_of`."""
     return _lay(scene.route, scene.cosines, scene.sines, profile, _ON_IT, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -69,10 +69,10 @@ def _lay(
     route: Floats2, cosines: Floats1, sines: Floats1, profile: Floats1, way: int, row: float, away: float, lean: float,
     length: float,
 ) -> Floats:  # fmt: skip
-    """Return the line of a profile and of the way onto it from `row`: `away` metres and `lean` are to vanish.
+    """Return the line of a profile with the way onto it from `row`, which reduces `away` metres and `lean` to 0.
 
-    A cubic does so within `length` metres. Two arcs of the narrowest circle (out of a parking space) go to the
-    middle of the lane in twice `half` metres.
+    A cubic takes `length` metres. Two arcs of the narrowest circle (out of a parking space) reach the middle of the
+    lane in twice `half` metres.
     """
     aside = abs(away)
     radius = max(_SWING_RADIUS_M, 0.5 * aside)

@@ -1,4 +1,4 @@
-"""What stands or crawls in the ego's lane and will not go away, and the ways around it."""
+"""Find obstacles that stand or crawl in the ego's lane and will not leave, and the ways around them."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ _LOOK_M = 80.0
 _CRAWL_MPS = 4.5
 _CLEAR_M = 0.75
 _CLUSTER_M = 15.0
-"""Things nearer to each other than this are passed in one go."""
+"""Things nearer to each other than this are passed as one obstacle."""
 _BESIDE_M = 2.0
-"""Things that stand nearer to the middle of the lane than this belong to what blocks it."""
+"""Things nearer to the middle of the lane than this belong to the obstacle."""
 _QUEUE_S = 14.0
-"""A car that stands in the middle of the lane longer than this is no queue."""
+"""A car that stands in the middle of the lane longer than this is an obstacle, not part of a queue."""
 _HOME_SHARE = 0.8
-"""The way back into the lane is this much sharper than the way out of it."""
+"""Length of the way back into the lane, as a share of the way out."""
 _OFF_CENTRE_M = 0.4
 _STARTS_MPS2, _MOVES_MPS, _TURNED = 0.5, 0.1, 0.15
-"""Who accelerates like this is on the way, and so is who moves with his nose so far across the lane (a sine)."""
+"""An actor with this acceleration is driving off; so is an actor that moves, turned so far across the lane (sine)."""
 _BICYCLE, _PEDESTRIAN = int(ActorKind.BICYCLE), int(ActorKind.PEDESTRIAN)
 
 _AT, _HALF, _LEFT, _RIGHT, _SPEED, _BLOCKS = range(6)
-"""Columns of what is found: row, half its length, its sides (metres to the right), m/s, and 1 where it blocks."""
+"""Columns of the things found: row, half length, left and right side (metres to the right), m/s, 1 if it blocks."""
 
 
 @dataclass(frozen=True, slots=True)
 class Obstacle:
-    """Rows and sideways metres (from the middle of the ego's lane) that it takes up; its speed along the lane."""
+    """An obstacle: its rows, its sides in metres from the middle of the ego's lane, and its speed along the lane."""
 
     first_row: float
     last_row: float
@@ -48,16 +48,16 @@ class Obstacle:
 
     @property
     def moving(self) -> bool:
-        """Whether it crawls, rather than stands."""
+        """Whether the obstacle crawls; False when it stands."""
         return self.speed_mps > 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class Pass:
-    """A way around: sideways metres to be added to the lane's own profile, `hold_m` beside the obstacle.
+    """A way around an obstacle: a profile to add to the lane's own profile, `hold_m` beside the obstacle.
 
-    It leaves the lane at `starts_row`; until the ego reaches `beside_row` it can still go back; at `ends_row` it is in
-    its lane again. `oncoming`: it uses a lane of the oncoming traffic.
+    The ego leaves its lane at `starts_row`, can still go back until `beside_row`, and is in its lane again at
+    `ends_row`. `oncoming`: the way uses a lane of the oncoming traffic.
     """
 
     shift: Floats
@@ -69,9 +69,9 @@ class Pass:
 
 
 def nearest_obstacle(scene: StaticScene, traffic: Traffic, lane: Floats, row: float) -> Obstacle | None:
-    """Return the first thing ahead that has to be passed on the way along the lane's profile, or None.
+    """Return the first obstacle ahead along the lane's profile, or None.
 
-    Things that stand near each other, or beside what blocks the lane, count as one.
+    Things near each other, or beside a thing that blocks the lane, count as one obstacle.
     """
     found = _nearest(
         scene.route, scene.cosines, scene.sines, lane, traffic.boxes, traffic.kinds, traffic.stood_s, row,
@@ -85,7 +85,7 @@ def _in_the_way(
     route: Floats, cosines: Floats, sines: Floats, lane: Floats, boxes: Floats, kinds: Ints, stood_s: Floats,
     row: float, half_ego_m: float,
 ) -> Floats:  # fmt: skip
-    """Return what blocks the lane or stands beside it, in the order of `boxes` (see `_AT`)."""
+    """Return the things that block the lane or stand beside it, in the order of `boxes`, with columns as `_AT`."""
     first, last = max(0, min(int(row) - 10, len(route) - 1)), max(1, min(int(row + _LOOK_M) + 25, len(route)))
     count, found = 0, np.empty((len(boxes), 6))
     for i in range(len(boxes)):
@@ -125,7 +125,7 @@ def _nearest(
     route: Floats2, cosines: Floats1, sines: Floats1, lane: Floats1, boxes: Floats2, kinds: Ints1, stood_s: Floats1,
     row: float, half_ego_m: float,
 ) -> tuple[float, ...]:  # fmt: skip
-    """Return the fields of an `Obstacle`, and 1 when there is one."""
+    """Return the fields of the nearest `Obstacle`, and 1 if there is an obstacle, else 0."""
     found = _in_the_way(route, cosines, sines, lane, boxes, kinds, stood_s, row, half_ego_m)
     start, end, left, right, speed, blocked = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for _ in range(len(found)):  # from the nearest to the farthest
@@ -149,7 +149,7 @@ def _nearest(
 
 
 def ways_around(scene: StaticScene, ahead: Obstacle, row: float, right_m: float, *, speed_mps: float) -> list[Pass]:
-    """Return passes on the left, then on the right; the ego is `right_m` beside the middle of its lane."""
+    """Return passes on the left, then on the right; the ego is `right_m` to the right of the middle of its lane."""
     half, found = scene.half_width_m, []
     for side, sign, edge in (("left", -1.0, ahead.left_m), ("right", 1.0, ahead.right_m)):
         lane, same_way = scene.neighbour(max(ahead.first_row, row), side)
@@ -171,7 +171,7 @@ def _pass(
     scene: StaticScene, ahead: Obstacle, row: float, right_m: float, hold_m: float, speed_mps: float, *, beside: bool,
     same_way: bool,
 ) -> Pass:  # fmt: skip
-    """Shift until beside it, at once to another lane of the same way; hold, come back; a crawling thing is followed."""
+    """Return a pass: shift aside (at once to a lane of the same way), hold, come back; follows a crawling obstacle."""
     length = shift_length_m(max(speed_mps, 3.0), hold_m - right_m)
     start = row if beside and same_way else max(row, ahead.first_row - 3.5 - length)
     done = start + length

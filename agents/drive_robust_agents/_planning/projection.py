@@ -1,4 +1,4 @@
-"""Where things are along a line: compiled searches among its rows, about one a metre."""
+"""Project bodies on a line: compiled searches among the line's rows, about one row a metre."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def nearest_ahead(
 
 @entry
 def leaders(path: Floats2, s0: float, actors: Floats2) -> Ints:
-    """Return 1 for everybody ahead in the ego's own corridor who drives the same way: they may brake at any moment.
+    """Return (k,) 1 for each actor ahead in the ego's corridor that drives the same way and may brake at any moment.
 
     `path` (n, 5) and `actors` (k, 9) hold cosine and sine of yaw, as `lateral.path_of` and `Traffic.boxes` do.
     """
@@ -92,9 +92,9 @@ def leaders(path: Floats2, s0: float, actors: Floats2) -> Ints:
 
 @entry
 def crossed_junctions(path: Floats2, junctions: Floats2, forecast: Floats3, leads: Ints1, steps: int) -> Ints:
-    """Return 1 for every junction (first row, last row of `path`) that somebody else is about to drive through.
+    """Return 1 for every junction (first row, last row of `path`) that another actor is about to drive through.
 
-    `forecast` (k, >= steps, 6) are the tracks of everybody, `leads` (k,) is 1 for those who do not count.
+    `forecast` (k, >= steps, 6) are the tracks of all actors; actors with 1 in `leads` (k,) do not count.
     """
     found = np.zeros(len(junctions), dtype=np.int64)
     for b in range(len(junctions)):

@@ -1,4 +1,4 @@
-"""Where the ego has to wait: lights, stop signs, junctions that others are about to cross."""
+"""Find where the ego has to wait: lights, stop signs, junctions that other actors are about to cross."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _LOOK_M = 90.0
 _HARD_BRAKE_MPS2 = 7.0
 _LINE_GAP_M, _SIGN_GAP_M = 0.6, 0.4
 _SOON_STEPS = 31
-"""Somebody who reaches the junction within so many forecast steps counts as crossing it."""
+"""An actor that reaches the junction within so many forecast steps counts as crossing."""
 
 
 class RightOfWay:
@@ -30,9 +30,9 @@ class RightOfWay:
         self._stopped_at: set[int] = set()
 
     def stop_row(self, scene: StaticScene, world: WorldState, row: float, *, elapsed_s: float) -> float:
-        """Return the row that the front bumper must not pass: a red light, or a stop sign not yet honoured.
+        """Return the row that the front bumper must not pass: a red light, or a stop sign without a stop yet.
 
-        It was asked before `elapsed_s` ago.
+        `elapsed_s` is the time since the last call.
         """
         nearest, v = math.inf, world.ego.speed_mps
         for index, at in scene.stops:
@@ -53,7 +53,7 @@ class RightOfWay:
         return nearest
 
     def keep_clear(self, scene: StaticScene, traffic: Traffic, path: Floats, leads: Ints) -> Floats:
-        """Return (m, 2): first and last row of the junctions, crossed by others, in which the ego must not rest."""
+        """Return (m, 2) first and last row of the junctions that others cross, in which the ego must not stop."""
         if len(scene.junctions) == 0:
             return scene.junctions
         crossed: Floats = scene.junctions[

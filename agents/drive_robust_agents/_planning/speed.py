@@ -1,4 +1,4 @@
-"""How fast: the strongest acceleration that stays out of trouble, and whether a manoeuvre can be driven at all."""
+"""Choose the speed: the strongest acceleration without trouble; check whether a manoeuvre can be driven."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ _ACCELERATIONS = np.array([4.5, 2.3, 1.2, 0.6, 0.0, -0.8, -1.6, -2.6, -4.0, -6.0
 _COMFORT_ACCEL_MPS2 = 2.3
 _HURRY_ACCEL_MPS2 = 4.0
 _FALL_BACK_MPS2 = -1.2
-"""Too near to who is ahead, the ego falls back at this rate as long as that one does not brake."""
+"""Deceleration of an ego that is too near to a leader, while the leader does not brake."""
 _FALL_BACK, _STEADY = np.array([[_FALL_BACK_MPS2, 2.5, 0.0]]), np.array([[0.0, 99.0, 0.0]])
 _COMFORT_BRAKE_MPS2 = -3.2
 _REACT_S = 0.4
 _THEN_STOP = np.array([(a, _REACT_S, min(a, _COMFORT_BRAKE_MPS2)) for a in _ACCELERATIONS])
 _THROUGH = np.array([(a, 99.0, a) for a in _ACCELERATIONS])
 _THEN_STEADY = np.array([(a, _REACT_S + 1.0, 0.0) for a in _ACCELERATIONS])
-"""Three ways to go on with each of the accelerations: it, for so many seconds, and what then."""
+"""Three continuations of each acceleration: (acceleration, seconds, acceleration after that)."""
 _HORIZON_STEPS = 30
 _GAP_MPS = 7.0
-"""Below this speed a quick start is worth it when only that uses a gap."""
+"""Speed below which the ego makes a quick start if only a quick start uses a gap."""
 _PATIENCE_S = 8.0
 _MARGINS, _TIGHT_MARGINS, _LEAST_MARGINS = (
     np.array([1.2, 0.7, 0.25]),
@@ -45,20 +45,20 @@ _STARTS = np.array([[4.0, 99.0, 4.0], [4.0, 2.4, 0.0], [4.0, 1.6, 0.0], [2.3, 99
 _MANOEUVRES = np.array(
     [[4.0, 99.0, 4.0], [2.3, 99.0, 2.3], [1.2, 99.0, 1.2], [0.0, 99.0, 0.0], [-1.2, 2.0, 0.0], [-2.4, 2.0, 0.0]]
 )
-"""Ways to drive a manoeuvre, from standstill and at speed: acceleration, for so many seconds, and then."""
+"""Plans for a manoeuvre, from standstill and at speed: (acceleration, seconds, acceleration after that)."""
 _FOLLOWER_BRAKES_MPS2, _NOBODY_BRAKES_MPS2 = 6.0, 0.01
-"""How hard who follows brakes when he has to; he may not, so the ego does not let it come to that."""
+"""Braking of a follower, and of a follower that does not brake, for whom the ego leaves room."""
 _LEFT_ALONE_S = 0.5
 _NO_JUNCTIONS = np.zeros((0, 2))
 
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the decisions of one tick share.
+    """The data that all decisions of one tick share.
 
-    The ego is `right_m` metres beside the route at `row` and gains `drift` metres to the right on each metre of it.
-    The decisions before were `elapsed_s` ago. It leaves `room_s` more than it must to those whose way it crosses, until
-    it has waited for long.
+    The ego is `right_m` metres to the right of the route at `row` and drifts `drift` metres to the right per metre of
+    route. The last decisions were `elapsed_s` ago. The ego leaves actors whose way it crosses `room_s` more than
+    needed, until it has waited for long.
     """
 
     scene: StaticScene
@@ -80,7 +80,7 @@ class Situation:
 def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf, room_s: float = 0.0) -> bool:
     """Return whether a path can be driven up to a row, or for `within_s` seconds, without hindering others much.
 
-    Those whose way it crosses have `room_s` more than they need.
+    Actors whose way the path crosses get `room_s` more than they need.
     """
     plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
@@ -94,22 +94,22 @@ def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float =
 
 
 def _with_room(margins: Floats, room_s: float) -> Floats:
-    """Return margins (length in m, width in m, seconds) with so many more seconds."""
+    """Return margins (length in m, width in m, seconds) with `room_s` more seconds."""
     roomy: Floats = margins + np.array([0.0, 0.0, room_s])
     return roomy
 
 
 class SpeedChoice:
-    """Remembers for how long the ego has been waiting."""
+    """Chooses the acceleration of each tick; remembers how long the ego has waited."""
 
     def __init__(self) -> None:
         self._waited_s = 0.0
         self._pushing = False
 
     def choose(self, now: Situation, path: Floats, stop_row: float, *, cruise_mps: float, hurry: bool) -> float:
-        """Choose the acceleration in m/s2; when nothing stays out of trouble, the one that does so longest.
+        """Return the acceleration in m/s2 without trouble; if none is, the acceleration with the latest trouble.
 
-        `hurry` asks for more than comfort, while the ego is where it must not linger.
+        `hurry` allows more than comfortable acceleration, in places where the ego must not stay.
         """
         v, scene = now.speed_mps, now.scene
         self._waited_s = self._waited_s + now.elapsed_s if v < 0.5 else 0.0
@@ -140,12 +140,12 @@ class SpeedChoice:
             return min(float(safe[0]), wanted, 0.0 if followed else _FALL_BACK_MPS2)
         gentle = safe[safe <= comfort]
         if v < _GAP_MPS and safe[0] > comfort and (len(gentle) == 0 or gentle[0] < 0.5):
-            return float(safe[0])  # a gap that only a quick start can use
+            return float(safe[0])  # only a quick start can use this gap
         return float(min(gentle[0], wanted)) if len(gentle) else float(safe[0])
 
 
 class _SpeedTrial:
-    """Plans on one path in one moment."""
+    """Tries plans on one path at one moment."""
 
     def __init__(self, now: Situation, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
@@ -156,7 +156,7 @@ class _SpeedTrial:
         front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
         inside = any(first + 0.5 < front and rear < last for first, last in self.junctions.tolist())
         self.hurry = hurry or inside
-        # what was begun with room to spare goes on with less: stopping among crossing traffic helps nobody
+        # inside a junction smaller margins apply, because stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _with_room(_MARGINS, 0.0 if pushy else now.room_s)
         self.tiers: tuple[tuple[Floats, bool], ...] = (
             (first, True),
@@ -168,26 +168,26 @@ class _SpeedTrial:
             self.tiers += ((_LEAST_MARGINS, False),)
 
     def survives(self, acceleration: float) -> bool:
-        """Return whether going on for a moment leaves the way to stop."""
+        """Return whether the ego can still stop after driving on at `acceleration` for a moment."""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
         return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
 
     def is_pressed(self, plan: Floats) -> bool:
-        """Return whether somebody who follows would have to brake for an ego that drives this plan."""
+        """Return whether a follower would have to brake for an ego that drives this plan."""
         nobody = np.zeros_like(self.leads)
         braking = self._roll(plan, _TIGHT_MARGINS, nobody)[0]
         return bool(self._roll(plan, _TIGHT_MARGINS, nobody, follower_mps2=_NOBODY_BRAKES_MPS2)[0] < braking)
 
     def seconds(self, margins: Floats, *, wary: bool) -> Floats:
-        """Return the seconds until trouble for each of `_ACCELERATIONS`: going through, or stopping a moment later.
+        """Return the seconds until trouble for each of `_ACCELERATIONS`, driving through or stopping a moment later.
 
-        `wary`: those ahead may brake hard at any moment.
+        `wary`: leaders may brake hard at any moment.
         """
         steady = np.zeros_like(self.leads)
         leads = self.leads if wary and not self.hurry else steady
         free = self._roll(_THEN_STOP, margins, self.leads if wary else steady)
         free = np.maximum(free, self._roll(_THROUGH, margins, leads))
-        if self.hurry:  # what was begun in a gap goes on in it: who is ahead keeps going, and so does the ego
+        if self.hurry:  # a manoeuvre begun in a gap continues there: the leader keeps driving, and so does the ego
             free = np.maximum(free, self._roll(_THEN_STEADY, margins, leads))
         return free
 

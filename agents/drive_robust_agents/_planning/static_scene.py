@@ -1,4 +1,4 @@
-"""What the expert knows about a route before it moves: lanes under it, junctions, stop lines, lane changes."""
+"""The expert's knowledge of a route before the start: lanes under the route, junctions, stop lines, lane changes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _BEYOND_M = 60
 
 
 class LaneGraph:
-    """All lanes that vehicles use, as the kernels want them: see `tracks.tracks`.
+    """All lanes for vehicles, as arrays for the kernels; see `tracks.tracks`.
 
-    `after` is the lane that traffic is expected to take behind each lane: the straightest one, until somebody was seen
-    on another (`tracks` writes that down).
+    `after` is the lane that traffic is expected to take behind each lane: the straightest successor, until an actor was
+    seen on another (`tracks` updates the array).
     """
 
     def __init__(self, lane_map: LaneMap) -> None:
@@ -49,7 +49,7 @@ class LaneGraph:
         self.feeders: Ints = np.array([k for several in feeders for k in several], dtype=np.int64)
 
     def fork(self) -> LaneGraph:
-        """Return the same lanes with a memory of its own."""
+        """Return a graph of these lanes with its own copy of `after`."""
         other = copy.copy(self)
         other.after = self.after.copy()
         return other
@@ -65,9 +65,9 @@ class LaneGraph:
 class Change:
     """A lane change that the route asks for.
 
-    Between the rows `first` and `last` both lanes run side by side. `old` and `new` are (n,): metres from the route to
-    the centre of the lane that is left and of the one that is taken, at each row of the route. The route itself changes
-    at the rows `start` to `end`.
+    Between the rows `first` and `last` both lanes run side by side. `old` and `new` (n,) are metres from the route to
+    the centre of the old lane and of the new lane, at each row of the route. The route itself changes lanes from row
+    `start` to row `end`.
     """
 
     first: int
@@ -81,8 +81,8 @@ class Change:
 class StaticScene:
     """The static side of one episode. Rows are rows of `GroundTruth.route`, about a metre each.
 
-    `route` (n, 4) goes on straight beyond its end (`given` rows) so that plans have room; `limits` (n,) is the highest
-    sensible speed, `lanes` (n,) the lane underneath, `junctions` (m, 2) the first and last row of each junction,
+    `route` (n, 4) continues straight beyond its end (`given` rows), so that plans have room. `limits` (n,) is the
+    highest sensible speed, `lanes` (n,) the lane below, `junctions` (m, 2) the first and last row of each junction,
     `stops` the (number, row) of each stop line, `changes` the lane changes.
     """
 
@@ -104,7 +104,7 @@ class StaticScene:
         self.changes = self._changes()
 
     def fork(self) -> StaticScene:
-        """Return the same scene; what its `graph` learns about traffic from here on is its own."""
+        """Return a copy of the scene whose `graph` learns about traffic separately."""
         other = copy.copy(self)
         other.graph = self.graph.fork()
         return other
@@ -118,7 +118,7 @@ class StaticScene:
         return self.lane_map.lanes[int(self.lanes[self.index(row)])]
 
     def neighbour(self, row: float, side: str) -> tuple[Lane | None, bool]:
-        """Return (the driving lane on that side of the one under a row or None, whether it leads the same way)."""
+        """Return (driving lane on `side` of the lane under a row, or None; whether it leads the same way)."""
         index, same_way = self.lane_at(row).beside(side)
         if index < 0 or self.lane_map.lanes[index].kind is not LaneKind.DRIVING:
             return None, False
@@ -157,7 +157,7 @@ class StaticScene:
 
     def _changes(self) -> tuple[Change, ...]:
         found = []
-        for k in range(1, self.given):  # beyond its end the route only goes straight on, perhaps across lanes
+        for k in range(1, self.given):  # beyond its end the straight continuation may cross lanes
             here, there = self.lane_map.lanes[self.lanes[k - 1]], self.lane_map.lanes[self.lanes[k]]
             beside = there.index in (here.left, here.right) or here.index in (there.left, there.right)
             if here.index != there.index and there.index not in here.successors and beside:
@@ -181,7 +181,7 @@ class StaticScene:
         return Change(first, last, start, end, np.nan_to_num(offsets[0]), np.nan_to_num(offsets[1]))
 
     def _offsets(self, k: int, lane: int) -> Floats:
-        """Return how far right of the route the centre line through `lane` runs, metres; NaN where it is not beside."""
+        """Return metres to the right of the route of the centre line through `lane`; NaN where it is not beside."""
         chain, graph = [lane], self.graph
         while (earlier := graph.before(chain[0])) >= 0 and earlier not in chain and len(chain) < 8:
             chain.insert(0, earlier)
@@ -202,7 +202,7 @@ class StaticScene:
 
 
 def _prolonged(route: Floats) -> Floats:
-    """Return the route and a straight piece behind its end."""
+    """Return the route with a straight piece added at its end."""
     x, y, yaw, limit = route[-1]
     ahead = np.arange(1.0, _BEYOND_M + 1.0)
     more = [
@@ -223,7 +223,7 @@ def _straightest(lanes: tuple[Lane, ...], lane: Lane) -> int:
 
 
 def _longest_connector(lane_map: LaneMap, found: Ints) -> Ints:
-    """Keep the connector that follows best where several of a junction share their first metres and alternate."""
+    """Replace junction lanes that alternate, because they share their first metres, by the lane of later rows."""
     cleaned: Ints = found.copy()
     for k in range(len(found) - 2, -1, -1):
         here, there = lane_map.lanes[cleaned[k]], lane_map.lanes[cleaned[k + 1]]

@@ -1,4 +1,4 @@
-"""Where everybody else is going: along their lanes, compiled."""
+"""Predict the tracks of all actors along their lanes; compiled."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from pytest_drive_robust.jit.kernels import entry
 __all__ = ["STEP_S", "lane_under", "tracks"]
 
 STEP_S = 0.2
-"""Seconds between two places of a track."""
+"""Seconds between consecutive places of a track."""
 _ACCELERATE_S = 1.6
-"""Who accelerates or brakes now is expected to go on with it for this long."""
+"""Time for which an actor is expected to keep its present acceleration."""
 _FASTEST_MPS = 18.0
-"""Nobody is expected to accelerate beyond this."""
+"""Speed beyond which no actor is expected to accelerate."""
 _LANE_REACH_M = 3.3
-"""Who is farther aside of every lane is expected to go straight on."""
+"""Greatest distance of an actor from a lane that it follows; farther actors are expected to go straight on."""
 _SLIP, _NEIGHBOUR_M = 0.04, 3.5
-"""Whose nose points aside of the lane by more than this is changing to the middle of it, or to the next one."""
+"""An actor whose heading differs from the lane by more than this moves to the lane's middle, or to the next lane."""
 _TAKEN = 0.35
-"""Who has come so far along a lane of a junction has taken it."""
+"""Share of a junction lane after which an actor is known to have taken that lane."""
 
 
 @entry
@@ -52,13 +52,13 @@ def tracks(
     actors: Floats2, follows: Ints1, points: Floats2, owner: Ints1, first: Ints1, after: Ints1,
     entries: Ints1, feeders: Ints1, steps: int,
 ) -> Floats:  # fmt: skip
-    """Predict where everybody will be: (k, steps + 1, 6) of x, y, yaw, speed, cosine and sine of yaw every `STEP_S`.
+    """Predict all actors: (k, steps + 1, 6) of x, y, yaw, speed, cosine and sine of yaw every `STEP_S`.
 
-    `actors` is (k, 9) as `Traffic.boxes`. Who has `follows` 1 goes along the lane underneath (`points` as in
-    `lane_under`; `owner` is the lane of each point, `first` where each lane begins in `points`, `after` the lane that
-    is taken behind it, or -1), keeping or finishing a sideways movement. Everybody else goes straight on.
+    `actors` is (k, 9) as `Traffic.boxes`. An actor with `follows` 1 follows the lane below it and keeps or finishes a
+    sideways movement. Every other actor goes straight on. `points` is as in `lane_under`, `owner` is the lane of each
+    point, `first` the start of each lane in `points`, `after` the lane taken behind each lane, or -1.
 
-    Then it learns which way was taken at forks: who drives on a lane of a junction makes it the one `after` those that
+    Afterwards the ways taken at forks are learnt: a junction lane with an actor becomes the `after` of the lanes that
     lead into it, the `feeders` from `entries[lane]` to `entries[lane + 1]` (none for lanes outside of junctions).
     """
     found = np.empty((len(actors), steps + 1, 6))

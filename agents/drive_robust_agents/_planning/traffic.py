@@ -1,4 +1,4 @@
-"""Everybody else, look by look: who they are, how they accelerate, how long they have been standing, where they go."""
+"""Track all other actors from tick to tick: kind, acceleration, standing time, predicted track."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Traffic:
     """The other actors of this moment, one row each in every array.
 
     `boxes` (k, 9) has the columns of `columns`; `kinds`, `ids` (k,); `stood_s` (k,) seconds without moving;
-    `forecast` (k, steps, 6) comes from `tracks.tracks`. Who accelerates hard is there twice, the second time at
-    constant speed: he may also stop doing so.
+    `forecast` (k, steps, 6) comes from `tracks.tracks`. An actor that accelerates hard has a second row at constant
+    speed, because it may stop accelerating.
     """
 
     def __init__(self) -> None:
@@ -42,7 +42,7 @@ class Traffic:
         self.forecast: Floats = np.zeros((0, 2, 6))
 
     def update(self, world: WorldState, graph: LaneGraph, elapsed_s: float = TICK_S) -> None:
-        """See the actors of a new moment, so many seconds after the last one."""
+        """Read the actors of a new moment, `elapsed_s` after the last update."""
         actors = np.array(world.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
         looked = _look(actors, world.ego.x_m, world.ego.y_m, self._memory, elapsed_s)
         self._memory, self.boxes, self.stood_s, about = looked

@@ -1,1 +1,1 @@
-"""The car that every agent drives: `mkz` itself, `plain_car` for controllers whose numbers were found for another."""
+"""The car of every agent: `mkz` itself, and `plain_car` for controllers that were tuned for another car."""

@@ -1,7 +1,7 @@
-"""The car that is driven, forwards and backwards: from controls to motion, from what is wanted to controls.
+"""Model of the driven car and its inverse: from controls to motion, and from wanted motion to controls.
 
-CARLA's Lincoln MKZ with the numbers of the embedded world (`simulators.embedded.kernels.mkz` tells their sources, and
-what holds where the fits say nothing). Agents know what a control does to it; none asks the simulator. In private
+The car is CARLA's Lincoln MKZ with the numbers of the embedded world (`simulators.embedded.kernels.mkz` gives their
+sources, and the continuation outside of the fits). Agents use this model and never ask the simulator. In private
 functions speeds are in km/h, changes in km/h per tick of 50 ms, as in the fits.
 """
 
@@ -16,15 +16,15 @@ from pytest_drive_robust.arithmetic.scalars import atan, sin, tan
 __all__ = ["REAR_M", "STEER_MAX_RAD", "TICK_S", "WHEELBASE_M", "Moved", "Pedals", "eased", "moved", "pedals", "steer"]
 
 STEER_MAX_RAD = 0.36848336
-"""What a full `steer` turns the wheels by, at once."""
+"""Wheel angle of a full `steer`, which is reached at once."""
 REAR_M = 1.4178275
-"""From the rear axle to the middle."""
+"""Distance from the rear axle to the middle of the car."""
 WHEELBASE_M = -0.090769015 + REAR_M
-"""Of the fit: wheels that are turned by a small angle make the middle follow a curvature of the angle over this."""
+"""Wheelbase of the fit: with a small wheel angle the middle follows the curvature angle / wheelbase."""
 TICK_S = 0.05
-"""From one tick to the next; an observation tells its own."""
+"""Seconds between ticks; an observation carries its own tick."""
 _EASE = 0.22
-"""The share of a tick on the way to a higher acceleration: that of an engine with a lag of 0.2 s (`forecast`)."""
+"""Share of the way to a higher acceleration per tick: that of an engine with a lag of 0.2 s (`forecast`)."""
 _LEAST, _COAST = 0.3, 0.5 * 3.6 * TICK_S
 _LEAN, _LEAN_KMH = 0.5, 64.8
 _MOST_KMH, _FALL_OFF = 90.0, 0.1 * TICK_S
@@ -39,7 +39,7 @@ class Pedals(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What a tick does: where the middle moves beside the heading, the turn for each m/s, the speed afterwards."""
+    """The effect of a tick: angle from the heading to the middle's motion, turn per m/s, speed afterwards."""
 
     slip_rad: float
     turn_rad: float
@@ -47,24 +47,24 @@ class Moved(NamedTuple):
 
 
 def steer(curvature_per_m: float) -> float:
-    """Return the steering (-1..1) that makes the middle follow a curvature, or the nearest, as long as tyres hold."""
-    sine = min(max(REAR_M * curvature_per_m, -0.9), 0.9)  # more than the wheels can
+    """Return the steering (-1..1) for a curvature of the middle's path, or the nearest possible, while tyres hold."""
+    sine = min(max(REAR_M * curvature_per_m, -0.9), 0.9)  # beyond the range of the wheels
     tangent = sine / math.sqrt(1.0 - sine * sine)
     wheel = atan(tangent * WHEELBASE_M / REAR_M)
     return min(max(wheel / STEER_MAX_RAD, -1.0), 1.0)
 
 
 def eased(acceleration_mps2: float, wanted_mps2: float) -> float:
-    """Return what to ask for in this tick, of the acceleration of now and the wanted one.
+    """Return the acceleration to command in this tick, from the present and the wanted acceleration.
 
-    The wanted one when it is less, else something on the way to it, as plans expect of an engine. Without that a plan
-    of one tick would be driven before the next one is made, back and forth.
+    A lower wanted acceleration is commanded at once, a higher one step by step, as plans expect of an engine. Otherwise
+    the plan of one tick would be fully driven before the next plan is made, back and forth.
     """
     return min(wanted_mps2, acceleration_mps2 + _EASE * (wanted_mps2 - acceleration_mps2))
 
 
 def moved(speed_mps: float, control: Control) -> Moved:
-    """Return what a control does in a tick, but for the limits of grip."""
+    """Return the effect of a control in a tick, without the limits of grip."""
     slip = atan(REAR_M / WHEELBASE_M * tan(control.steer * STEER_MAX_RAD))
     return Moved(slip, TICK_S * sin(slip) / REAR_M, _speed_after(speed_mps, control.throttle, control.brake))
 
@@ -85,7 +85,7 @@ def pedals(speed_mps: float, acceleration_mps2: float) -> Pedals:
     steady, rising, bending = _throttle_terms(kmh)
     beyond = _beyond(kmh)
     lean = steady - kmh + (rising + bending * _LEAN) * _LEAN
-    if beyond > 0.0 and wanted < lean:  # between throttle 0.3 and 0.5 what is beyond fades out
+    if beyond > 0.0 and wanted < lean:  # between throttle 0.3 and 0.5 the excess fades out
         fades = beyond / (_LEAN - _LEAST)
         return Pedals(_root(steady - kmh - fades * _LEAN - wanted, rising + fades, bending), 0.0)
     return Pedals(_root(steady - kmh - wanted, rising, bending), 0.0)
@@ -115,7 +115,7 @@ def _throttle_terms(kmh: float) -> tuple[float, float, float]:
 
 
 def _fitted(kmh: float) -> float:
-    """Return what throttle 0.3 gains in a tick, by the fit alone."""
+    """Return the gain of speed with throttle 0.3 in a tick, by the fit alone."""
     steady, rising, bending = _throttle_terms(kmh)
     return steady - kmh + (rising + bending * _LEAST) * _LEAST
 
@@ -125,7 +125,7 @@ def _beyond(kmh: float) -> float:
 
 
 def _gained(kmh: float) -> float:
-    """Return what throttle 0.3 gains in a tick."""
+    """Return the gain of speed with throttle 0.3 in a tick."""
     return _fitted(kmh) - _beyond(kmh)
 
 

@@ -1,7 +1,7 @@
-"""Controls for a plain car, turned into those with which the car that is driven (`mkz`) moves alike.
+"""Convert controls for a plain car to controls with which the driven car (`mkz`) moves alike.
 
-Our numbers of controllers (`tuning="ours"`, `classical`) are found for a plain car: a kinematic one, whose throttle
-pushes and whose brakes decelerate in proportion, with drag and with an engine whose power is limited.
+Our controller numbers (`tuning="ours"`, `classical`) were tuned for a plain car: a kinematic car whose throttle and
+brakes act in proportion, with drag and with limited engine power.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ WHEELBASE_M = 2.85
 _STEER_MAX_RAD = 0.61
 _ACCEL_MAX_MPS2, _BRAKE_MAX_MPS2 = 5.0, 8.0
 _POWER_WPKG = 55.0
-"""Caps its acceleration at speed."""
+"""Power per mass of the plain car, which limits its acceleration at speed."""
 
 
 def pedals_from_plain(speed_mps: float, plain: Pedals) -> Pedals:
-    """Return the pedals that accelerate the car as much as `plain` accelerate a plain one."""
+    """Return the pedals with which the car accelerates as a plain car does with the pedals `plain`."""
     engine = min(_ACCEL_MAX_MPS2, _POWER_WPKG / max(speed_mps, 1.0))
     push = -_BRAKE_MAX_MPS2 * plain.brake if plain.brake > 0.0 else engine * plain.throttle
     return mkz.pedals(speed_mps, push - 0.12 - 0.018 * speed_mps - 0.0006 * speed_mps * speed_mps)
 
 
 def steer_from_plain(plain: float) -> float:
-    """Return the steering (-1..1) with which the car follows the curvature that a plain one's middle follows."""
+    """Return the steering (-1..1) with which the car follows the curvature of a plain car steered by `plain`."""
     tangent = tan(plain * _STEER_MAX_RAD)
     return mkz.steer(cos(atan(0.5 * tangent)) * tangent / WHEELBASE_M)

@@ -1,4 +1,4 @@
-"""What stands around the networks: the agents' bases, route planner, controllers, filter, memory.
+"""The code around the networks: the agents' base classes, route planner, controllers, filter, memory.
 
-Only `learned_agent` and `bev_agent` load networks; the others turn numbers into numbers, without torch.
+Only `learned_agent` and `bev_agent` load networks; the other modules compute without torch.
 """

@@ -1,6 +1,6 @@
-"""The base of the two agents with six cameras: their inputs, and how they drive by waypoints.
+"""The base of the two agents with six cameras: network inputs, and driving by waypoints.
 
-They follow the wrappers of Bench2DriveZoo (`team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`).
+The agents follow the wrappers of Bench2DriveZoo (`team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`).
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ CAMERAS = rig("nuscenes", width_px=160, height_px=96)
 
 
 class BevAgent(LearnedAgent):
-    """Six pictures, a command and a can bus in, waypoints out; what an episode remembers is in here.
+    """An agent with six pictures, a command and a can bus as inputs and waypoints as output, and an episode's memory.
 
-    A subclass gives the numbers of its controller, `tunings`, and says in `remembers` which outputs of its network come
-    back 0.5 s later. The network is run with
+    A subclass gives the numbers of its controller, `tunings`, and names in `remembers` the outputs of its network that
+    are inputs again 0.5 s later. The network is run with
 
     ============ ================== ============================================================
     name         shape and type     meaning
@@ -40,7 +40,7 @@ class BevAgent(LearnedAgent):
     old_<name>   (N, *shape) f32    what the network gave as <name> 0.5 s ago
     ============ ================== ============================================================
 
-    and gives at least `waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `<name>` of each memory.
+    and returns at least `waypoints` (N, 6, 2), metres in the ego frame 0.5 s apart, and `<name>` of each memory.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "imu", "speed"})
@@ -64,7 +64,7 @@ class BevAgent(LearnedAgent):
         self._controller, self._memory = WaypointController(self.tunings[self.tuning]), Memory(self.remembers)
 
     def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
-        """Return the plan (6, 2) from the outputs of one row; for agents that change it after the network."""
+        """Return the plan (6, 2) from the outputs of one row; override to change the network's plan."""
         return outputs["waypoints"]
 
     def _look(self, observation: Observation) -> NetworkRow:

@@ -1,9 +1,9 @@
-"""UniAD's last step: the plan is moved off the cells that will be occupied.
+"""UniAD's last step: move the plan off the cells that will be occupied.
 
 The published cost (Hu et al. 2023, section 3.4; Bench2DriveZoo `planning_head_plugin/collision_optimization.py`) is
-the squared distance of each waypoint to where it was, plus a bell of 5 / (2.507 s) exp(-d^2 / 2 s^2) for each occupied
-cell within 5 m, s = 1 m. Published: CasADi and IPOPT. No term ties waypoints together, so these are small problems of
-two unknowns each; damped Newton steps solve them.
+the squared distance of each waypoint to its original place, plus a bell of 5 / (2.507 s) exp(-d^2 / 2 s^2) for each
+occupied cell within 5 m, s = 1 m. Published: CasADi and IPOPT. No term connects waypoints, so each waypoint is a small
+problem of two unknowns; damped Newton steps solve it.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ _STILL_M = 1e-3
 def clear_of(
     plan: NDArray[np.floating], occupied: NDArray[np.floating], centres: NDArray[np.floating], *, from_share: float
 ) -> Floats:
-    """Move the plan (T, 2) to where the cost is lower; a plan with nothing near it is given back as it is.
+    """Return the plan (T, 2) in metres, moved to lower cost; a plan without filled cells nearby stays unchanged.
 
-    `occupied` (K, rows, columns) says how likely cells with `centres` (rows, columns, 2) are filled now and every
-    0.5 s; waypoint t (from 1) is kept off map t, or the last there is. Cells from `from_share` on are filled. Metres.
+    `occupied` (K, rows, columns) is the probability that cells with `centres` (rows, columns, 2) [m] are filled now and
+    every 0.5 s. Waypoint t (from 1) is kept off map t, or off the last map. Cells with at least `from_share` are
+    filled.
     """
     moved = np.array(plan, dtype=np.float64)
     for t, start in enumerate(moved.copy()):
@@ -42,7 +43,7 @@ def clear_of(
 
 
 def _settled(start: Floats, cells: Floats) -> Floats:
-    """Return where a waypoint comes to rest among filled cells (n, 2)."""
+    """Return the place of least cost that the steps reach from a waypoint among filled cells (n, 2)."""
     point, cost = start, _cost(start, start, cells)
     for _ in range(_STEPS):
         step = _newton(point, start, cells)
@@ -66,7 +67,7 @@ def _cost(point: Floats, start: Floats, cells: Floats) -> float:
 
 
 def _newton(point: Floats, start: Floats, cells: Floats) -> Floats:
-    """Return the damped Newton step, at most half a metre; negative curvatures are lifted, so that it leads down."""
+    """Return the damped Newton step, at most 0.5 m; negative curvatures are lifted, so that the step leads downhill."""
     away = (point - cells) / _SPREAD_M**2
     bells = _HEIGHT * arrays.exp((away**2).sum(axis=1) * (-0.5 * _SPREAD_M**2))
     slope = 2.0 * (point - start) - (bells[:, None] * away).sum(axis=0)

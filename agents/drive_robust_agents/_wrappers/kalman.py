@@ -1,17 +1,18 @@
-"""SimLingo's position filter: why GPS noise does not hurt that agent, and why a wrong speedometer moves it.
+"""SimLingo's position filter, which averages GPS noise out and is misled by a wrong speedometer.
 
-A Kalman filter over position, yaw and speed that hardly believes the GPS (gain 0.014 per tick once settled), fully the
-compass and the speedometer, and predicts with a bicycle driven by the agent's *own last command*. So position noise
-averages out within seconds, while a speedometer that reads too low leaves the estimate metres behind the vehicle.
+The Kalman filter over position, yaw and speed hardly trusts the GPS (gain 0.014 per tick once settled), fully trusts
+the compass and the speedometer, and predicts with a bicycle model driven by the agent's *own last command*. Position
+noise therefore averages out within seconds, while a speedometer that reads too low leaves the estimate metres behind
+the vehicle.
 
-Noises as published (SimLingo `team_code/agent_simlingo.py`); the bicycle is the car as the embedded world has it, or as
-the published filter does (`published_motion`). The published filter is an unscented one, this is an extended one: with
-yaw and speed measured practically without noise their predictions agree. Ours moves at once, so that the published 40
-ticks of pretended braking at the start are left out.
+Noises are as published (SimLingo `team_code/agent_simlingo.py`). The bicycle model is the car of the embedded world, or
+that of the published filter (`published_motion`). The published filter is unscented, this filter is extended: with
+practically noiseless yaw and speed both predictions agree. Our car moves at once, so the published 40 ticks of
+pretended braking at the start are left out.
 
-The published filter moves by 0.05 s in every call, however long ago the last one was. Called only every few ticks, as
-under latency in the mode `hold`, it stays behind the vehicle: on a straight road at 8 m/s by 25 m after 20 s when it is
-called every second tick. `PositionFilter.step` can be told how many ticks went by instead (`SimLingo.position_filter`).
+The published filter advances by 0.05 s in every call, whatever time has passed. Called only every few ticks, as under
+latency in the mode `hold`, its estimate falls behind the vehicle: on a straight road at 8 m/s by 25 m after 20 s, when
+called every second tick. `PositionFilter.step` accepts the number of ticks instead (`SimLingo.position_filter`).
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ _Matrix = list[list[float]]
 
 
 class PoseEstimate(NamedTuple):
-    """Where the vehicle is thought to be: metres in the route's frame, radians clockwise from east, m/s."""
+    """Estimated pose and speed of the vehicle: metres in the route's frame, radians clockwise from east, m/s."""
 
     x_m: float
     y_m: float
@@ -47,14 +48,14 @@ class PoseEstimate(NamedTuple):
 
 
 Motion = Callable[[float, Control], Moved]
-"""From the speed in m/s and a control to what the control does in a tick."""
+"""A function of the speed in m/s and a control that returns the effect of the control in a tick."""
 
 
 def published_motion(speed_mps: float, control: Control) -> Moved:
-    """Return the tick of CARLA's car as the published filter has it (`bicycle_model_forward`, World on Rails' fit).
+    """Return a tick of CARLA's car in the published filter's model (`bicycle_model_forward`, World on Rails' fit).
 
-    It turns as `mkz.moved` says. Any brake is one of 4.952399 m/s2, else the throttle gives up to 0.5633837 m/s2: what
-    they do to the speed hardly shows, as the speedometer is believed.
+    The car turns as in `mkz.moved`. Any brake decelerates by 4.952399 m/s2, else the throttle gives up to 0.5633837
+    m/s2. Both hardly matter, because the filter trusts the speedometer.
     """
     push = -_BRAKE_MPS2 if control.brake > 0.0 else _THROTTLE_MPS2 * control.throttle
     return mkz.moved(speed_mps, control)._replace(speed_mps=max(speed_mps + mkz.TICK_S * push, 0.0))
@@ -63,7 +64,7 @@ def published_motion(speed_mps: float, control: Control) -> Moved:
 class PositionFilter:
     """Predicts by the last command, then corrects by GPS, compass and speedometer; one object per episode.
 
-    The first estimate is the first measurement. `motion` says what the commands do.
+    The first estimate is the first measurement. `motion` models the effect of commands.
     """
 
     def __init__(self, motion: Motion = mkz.moved) -> None:
@@ -76,7 +77,7 @@ class PositionFilter:
     ) -> PoseEstimate:
         """Estimate the pose in this tick from its measurements and the agent's last control, given `ticks` ago.
 
-        Of the ticks in between nothing was measured. A compass that says NaN is left out.
+        Ticks in between have no measurement. A compass value of NaN is ignored.
         """
         measured = (x_m, y_m, yaw_rad, speed_mps)
         if self._state is None:
@@ -97,7 +98,7 @@ class PositionFilter:
 
 
 def _predicted(motion: Motion, state: Sequence[float], last: Control, spread: _Matrix) -> tuple[list[float], _Matrix]:
-    """Predict one tick about the middle of the vehicle, and how the spread grows by it."""
+    """Return the state and its covariance one tick later, for the middle of the vehicle."""
     x, y, yaw, v = state
     slip, turn, after = motion(v, last)
     c, s = (mkz.TICK_S * part for part in scalars.cos_sin(yaw + slip))
@@ -117,7 +118,10 @@ def _predicted(motion: Motion, state: Sequence[float], last: Control, spread: _M
 
 
 def _corrected(state: list[float], spread: _Matrix, k: int, away: float) -> tuple[list[float], _Matrix]:
-    """Correct by one measured number, `away` from the expected one: measurement noises are independent."""
+    """Return state and covariance corrected by one measured number, `away` from its prediction.
+
+    One number at a time is enough, because measurement noises are independent.
+    """
     row = spread[k]
     total = row[k] + _MEASURED[k]
     gain = [spread[i][k] / total for i in range(4)]

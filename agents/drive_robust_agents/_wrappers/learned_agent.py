@@ -1,4 +1,4 @@
-"""The base of the learned agents: each looks, one network answers for all of them at once, each follows."""
+"""The base of the learned agents: each agent prepares its inputs, one network computes all rows, each agent steers."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ __all__ = ["LearnedAgent", "NetworkRow"]
 
 
 class NetworkRow(NamedTuple):
-    """One row of the network's inputs, and the target points behind it: (forward, right) metres of the vehicle."""
+    """One row of the network's inputs, and its target points: (forward, right) metres in the vehicle's frame."""
 
     inputs: Mapping[str, NDArray[Any]]
     targets: tuple[Point, ...]
 
 
 class LearnedAgent(ABC):
-    """A network that drives, with all that an episode remembers.
+    """An agent that drives by a network, with the memory of an episode.
 
-    A subclass names itself as the manifest of weights does and says which class its network is (`"tcp:TcpNet"`: the
-    module in `_nets` and the class in it), which files ship with it, what the specification of a network for its rig
-    says of the pictures (`pictures`: weights of another rig are refused), and within how many metres it drops a point
-    of the plan. Constructors repeat the keywords below, so that a reader of one agent sees all that it takes.
+    A subclass defines its name in the manifest of weights, the class of its network (`"tcp:TcpNet"`: module in `_nets`
+    and class), the files that ship with it, the picture sizes in a network's specification (`pictures`: weights of
+    another rig are refused), and the distance in metres within which a point of the plan is dropped. Constructors
+    repeat the keywords below, so that a reader of one agent sees all of its options.
 
-    `tuning` says whose numbers turn the plan into controls. `"published"` are those of the released agent, made for
-    CARLA's car, and what they give is what it gives. `"ours"` are found for a plain car: it gives the controls with
-    which the car that is driven moves alike (`plain_car`). Raises `UnknownNameError` for others.
+    `tuning` chooses the numbers that turn the plan into controls. `"published"` are the numbers of the released agent,
+    made for CARLA's car, whose controls are applied unchanged. `"ours"` are numbers for a plain car, whose controls are
+    converted so that the driven car moves alike (`plain_car`). Raises `UnknownNameError` for another tuning.
     """
 
     consumes: ClassVar[frozenset[str]]
@@ -52,7 +52,7 @@ class LearnedAgent(ABC):
     computed_by: tuple[str, ...] = ENGINES["onnx"]
 
     _method = "forward"
-    """Which method of the network is asked."""
+    """The method of the network that is run."""
 
     def __init__(
         self,
@@ -65,7 +65,7 @@ class LearnedAgent(ABC):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        """Take `network` or, without one, make it from `engine` to `weights` with `LoadedNetwork.of`."""
+        """Use `network`; without it, load a network with `LoadedNetwork.of` and the options `engine` to `weights`."""
         self.tuning: Tuning = tuning_called(tuning, agent=self.name)
         self._network = network or LoadedNetwork.of(
             self.name,
@@ -83,9 +83,9 @@ class LearnedAgent(ABC):
 
     @classmethod
     def check(cls, **options: Any) -> None:
-        """Raise `UsageError` for options that it would not take, and for weights that are not what their manifest says.
+        """Raise `UsageError` for invalid options, and for weights that differ from their manifest.
 
-        `options` are those in its name. A device is looked for where the agent is made.
+        `options` are the options in the agent's name. The device is checked only when the agent is made.
         """
         tuning_called(options.get("tuning", "published"), agent=cls.name)
         if isinstance(options.get("network"), str):
@@ -117,12 +117,12 @@ class LearnedAgent(ABC):
         self._planned = PlannedPath()
 
     def act(self, observation: Observation) -> Control:
-        """Look, plan, steer. Raises `ValueError` before a `reset` with a plan."""
+        """Return the control for an observation. Raises `ValueError` before a `reset` with a plan."""
         return self.act_batch((self,), (observation,))[0]
 
     @classmethod
     def act_batch(cls, agents: Sequence[LearnedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
-        """Act for agents that share a network and are made alike, in one run of it."""
+        """Return the controls of agents with a shared network and equal options, in one run of the network."""
         seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
         inputs = {name: np.stack([one.inputs[name] for one in seen]) for name in seen[0].inputs}
         outputs = agents[0]._network.run(agents[0]._method, **inputs)
@@ -137,30 +137,30 @@ class LearnedAgent(ABC):
 
     @abstractmethod
     def _look(self, observation: Observation) -> NetworkRow:
-        """Return what the network is asked in this tick."""
+        """Return the inputs of the network in this tick."""
 
     @abstractmethod
     def _follow(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """Turn the outputs for this row into a control, and set what `plan` shows."""
+        """Convert this row's outputs to a control, and set the path that `plan` returns."""
 
     def _given(self, control: Control, speed_mps: float) -> Control:
-        """Return what the car is given for a control of the agent's controller, at the measured speed."""
+        """Return the control for the car from the control of the agent's controller, at the measured speed."""
         if self.tuning == "published":
             return control
         throttle, brake = pedals_from_plain(speed_mps, Pedals(control.throttle, control.brake))
         return Control(throttle, steer_from_plain(control.steer), brake)
 
     def _target(self, x_m: float, y_m: float) -> Target:
-        """Return where the route goes on from a position in its frame. Once a tick: it drops what has been reached."""
+        """Return the target for a position in the route's frame; call once a tick, as reached points are dropped."""
         if self._planner is None:
             raise ValueError("the agent has no route, expected reset(route, seed) with a plan before the first act")
         return self._planner.step(x_m, y_m)
 
 
 def _differences(taken: Mapping[str, Any], spec: Mapping[str, Any], within: str = "") -> Iterator[str]:
-    """Return what a network's specification says of pictures that the cameras do not take."""
+    """Yield the differences between a network's specified pictures and the pictures of the cameras."""
     for name, value in taken.items():
         given = spec.get(name, value)
         if isinstance(value, Mapping) and isinstance(given, Mapping):

@@ -1,10 +1,10 @@
-"""What UniAD and VAD know of half a second ago: the can bus, and a memory that is moved by where they think they are.
+"""The memory of UniAD and VAD from 0.5 s ago, moved by the sensed poses, and their can bus.
 
 The published wrappers (Bench2DriveZoo `team_code/uniad_b2d_agent.py`, `team_code/vad_b2d_agent.py`) fill an 18-number
-"can bus" from GPS, compass, speedometer and IMU, and the bird's-eye features of the last frame are shifted by it, so
-that a wrong position moves the memory against the picture. Here the can bus has six numbers, and the memory is the one
-of 0.5 s ago, in training as at run time (the published ones are trained at 0.5 s and driven at 0.05 s). Its age is
-told by the tick of the observation, so that it is the same where the agent is asked only every few ticks.
+"can bus" from GPS, compass, speedometer and IMU, and shift the bird's-eye features of the last frame by the can bus, so
+that a wrong position moves the memory against the picture. Here the can bus has six numbers, and the memory is 0.5 s
+old, in training and at run time (the published agents are trained at 0.5 s and driven at 0.05 s). The age of a memory
+is measured by the tick of the observation, so that it stays equal for an agent that acts only every few ticks.
 """
 
 from __future__ import annotations
@@ -26,18 +26,16 @@ __all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "Sensed", "can_bus", "motion_betwee
 Floats32 = NDArray[np.float32]
 
 LAG_TICKS = 10
-"""How old the memory is: 0.5 s."""
+"""Age of the memory in ticks: 0.5 s."""
 
 CAN_BUS = ("speed", "yaw rate", "forward acceleration", "right acceleration", "forward movement", "movement right")
-"""m/s, rad/s, m/s2, m/s2, and the metres moved since the memory, in the ego frame of then (0 without a memory)."""
+"""The can bus: m/s, rad/s, m/s2, m/s2, and metres moved since the memory, in its ego frame (0 without a memory)."""
 
 
 def motion_between(old: Floats, now: Floats) -> Floats32:
-    """Return the pose of now seen from that of before.
+    """Return the present poses in the frames of the old poses: (n, 3) forward m, right m, yaw rad, from two (n, 3).
 
-    Gives (n, 3) forward m, right m, yaw rad from two (n, 3) arrays of poses.
-
-    A point (x, y) in the frame of now lies at R(yaw) (x, y) + (forward, right) in the frame of then.
+    A point (x, y) in the present frame lies at R(yaw) (x, y) + (forward, right) in the old frame.
     """
     dx, dy = (now[:, :2] - old[:, :2]).T
     c, s = arrays.cos(old[:, 2]), arrays.sin(old[:, 2])
@@ -51,7 +49,7 @@ def can_bus(speed: Floats32, imu: Floats32, motion: Floats32) -> Floats32:
 
 
 class Sensed(NamedTuple):
-    """The pose that GPS and compass measured: metres and rad in the route's frame; a compass that says NaN is 0."""
+    """The pose measured by GPS and compass: metres and rad in the route's frame; a compass value of NaN becomes 0."""
 
     x_m: float
     y_m: float
@@ -59,15 +57,15 @@ class Sensed(NamedTuple):
 
     @staticmethod
     def of(observation: Observation) -> Sensed:
-        """Return the pose of one tick, unfiltered, as the published wrappers take it."""
+        """Return the unfiltered pose of one tick, as in the published wrappers."""
         yaw = observation.compass.yaw_rad
         return Sensed(observation.gps.x_m, observation.gps.y_m, 0.0 if math.isnan(yaw) else yaw)
 
 
 class Memory:
-    """A ring buffer of what a network gave in each tick, with the pose that was sensed then.
+    """A ring buffer of a network's outputs in each tick, with the pose sensed in that tick.
 
-    `shapes` names what is remembered: arrays of one episode, without a batch axis.
+    `shapes` gives the names and shapes of the remembered arrays, of one episode and without a batch axis.
     """
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
@@ -75,9 +73,9 @@ class Memory:
         self._kept: deque[tuple[int, Sensed, Mapping[str, Floats32]]] = deque()
 
     def recall(self, tick: int) -> tuple[Sensed | None, Mapping[str, Floats32]]:
-        """Return the youngest memory that is 0.5 s old, with its pose; None and zeros without one.
+        """Return (pose, arrays) of the youngest memory that is at least 0.5 s old; (None, zeros) without a memory.
 
-        Where ticks are left out, one of up to 1 s is taken.
+        When ticks were left out, a memory of up to 1 s is used.
         """
         while len(self._kept) > 1 and tick - self._kept[1][0] >= LAG_TICKS:
             self._kept.popleft()

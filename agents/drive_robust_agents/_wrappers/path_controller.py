@@ -1,10 +1,10 @@
-"""From SimLingo's path and speed waypoints to controls, and its way out when it stands for too long.
+"""Convert SimLingo's path and speed waypoints to controls, and let a vehicle that stands too long creep.
 
-Structure as published (SimLingo `team_code/agent_simlingo.py`, `config_simlingo.py`): the path steers, the speed
-waypoints drive, neither knows of the other. Gains are found for a plain car (`tuning`).
+The structure is as published (SimLingo `team_code/agent_simlingo.py`, `config_simlingo.py`): the path steers, the speed
+waypoints drive, independently of each other. Gains are tuned for a plain car (`tuning`).
 
-The path is points one metre apart, the speed waypoints are 0.25 s apart, the first of either one step ahead;
-(forward, right) metres in the frame of the vehicle.
+The points of the path are one metre apart, the speed waypoints 0.25 s apart; the first of either is one step ahead.
+Points are (forward, right) metres in the frame of the vehicle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pytest_drive_robust.arithmetic import scalars
 __all__ = ["Creep", "PathController", "PathTuning", "along"]
 
 _STEP_S = 0.25
-"""From one speed waypoint to the next."""
+"""Seconds between consecutive speed waypoints."""
 
 _TURN = Gains(p=2.2, i=0.641, d=1.378, window=6)
 _SPEED = Gains(p=1.75, i=1.0, d=2.0, window=20)
@@ -29,9 +29,9 @@ _SPEED = Gains(p=1.75, i=1.0, d=2.0, window=20)
 class PathTuning:
     """Every number of a `PathController`.
 
-    It looks ahead `look_s` seconds and `look_m` metres, clipped to `least_look_m` and `most_look_m`. `turn` acts on an
-    angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the one between the waypoints of the
-    numbers `speed_from` and `speed_to`, counted from 0; it means to stop below `brake_below_mps`.
+    The look-ahead is `look_s` seconds plus `look_m` metres, clipped to `least_look_m`..`most_look_m`. `turn` acts on an
+    angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the speed between the waypoints
+    `speed_from` and `speed_to`, counted from 0; below `brake_below_mps` the controller stops.
 
     Published (`tuning.SIMLINGO_PUBLISHED`): a gain of 3.118, 0.351 s and at least 2.4 m, with which a plain car
     overshoots when it changes lanes; the waypoints 0 and 2, with which a small network, whose plans slow down too
@@ -62,7 +62,7 @@ class PathController:
         self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
 
     def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Control:
-        """Return the controls for this tick; takes at least one point of a path and `speed_to` + 1 waypoints."""
+        """Return the control for this tick, from at least one point of a path and `speed_to` + 1 waypoints."""
         tuning = self.tuning
         (x0, y0), (x1, y1) = speed_points[tuning.speed_from], speed_points[tuning.speed_to]
         desired = scalars.hypot(x1 - x0, y1 - y0) / (_STEP_S * (tuning.speed_to - tuning.speed_from))
@@ -75,9 +75,10 @@ class PathController:
 
 
 class Creep:
-    """Makes the vehicle roll for a moment after it has stood for long: what frees an agent that waits for nothing.
+    """Makes the vehicle roll for a moment after a long stop, which frees an agent that waits without a reason.
 
-    Published: after more than 800 ticks below 0.1 m/s, throttle 0.4 until it measures more, and for 15 ticks then.
+    Published: after more than 800 ticks below 0.1 m/s, throttle 0.4 until the measured speed is higher, and for 15
+    ticks then.
     """
 
     AFTER_TICKS, FOR_TICKS, THROTTLE, STANDS_MPS = 800, 15, 0.4, 0.1
@@ -86,7 +87,7 @@ class Creep:
         self._stood, self._left = 0, 0
 
     def step(self, speed_mps: float) -> bool:
-        """Return whether this tick is to be driven with `THROTTLE` and without brake. Call it once a tick."""
+        """Return whether to drive this tick with `THROTTLE` and without brake; call once a tick."""
         self._stood = self._stood + 1 if speed_mps < self.STANDS_MPS else 0
         if self._stood > self.AFTER_TICKS:
             self._left = self.FOR_TICKS
@@ -96,7 +97,7 @@ class Creep:
 
 
 def along(path: Sequence[Point], distance_m: float) -> Point:
-    """Return the point so many metres along a path that begins at the vehicle; its last point when it is shorter.
+    """Return the point `distance_m` along a path that begins at the vehicle; the last point of a shorter path.
 
     >>> along([(1.0, 0.0), (2.0, 0.0), (2.0, 1.0)], 2.25)
     (2.0, 0.25)

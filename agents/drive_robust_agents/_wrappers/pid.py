@@ -1,11 +1,11 @@
-"""From predicted waypoints to controls: the controller that TCP, UniAD and VAD share.
+"""Convert predicted waypoints to controls: the controller of TCP, UniAD and VAD.
 
-Its structure is the published one (Bench2DriveZoo `TCP/model.py`, `team_code/pid_controller.py`): two windowed PIDs, an
-aim among the waypoints, the route's target point in its place where that seems wiser, and a brake that is on or off.
-See `tuning` for gains and limits.
+The structure is as published (Bench2DriveZoo `TCP/model.py`, `team_code/pid_controller.py`): two windowed PIDs, an aim
+among the waypoints, the route's target point as the aim in some cases, and a brake that is on or off. See `tuning` for
+gains and limits.
 
-Waypoints and target are (forward, right) metres in the frame of the vehicle; waypoints are 0.5 s apart, the first one
-lies 0.5 s ahead.
+Waypoints and target are (forward, right) metres in the frame of the vehicle. Waypoints are 0.5 s apart, the first
+waypoint 0.5 s ahead.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Point = tuple[float, float]
 
 
 class Gains(NamedTuple):
-    """Of a `WindowedPid`: per unit of error, of its mean over the window, and of its change since the last step."""
+    """Gains of a `WindowedPid`: per unit of error, of its mean over the window, of its change since the last step."""
 
     p: float
     i: float
@@ -44,7 +44,7 @@ class Gains(NamedTuple):
 
 
 class WindowedPid:
-    """A PID whose integral is the mean of the last errors and whose derivative is their last difference.
+    """A PID whose integral is the mean of the last errors and whose derivative is the last difference of errors.
 
     The window begins full of zeros, so that the integral of a new episode grows slowly. One object per episode.
 
@@ -67,14 +67,14 @@ class WindowedPid:
 
 @dataclass(frozen=True, slots=True)
 class WaypointTuning:
-    """Every number of a `WaypointController`, and the caps that its agent puts on its pedals.
+    """Every number of a `WaypointController`, and the agent's limits on its pedals.
 
-    `turn` acts on an angle in units of 90 degrees, `speed` on metres per second. `target_turn` is the difference in
-    units of 90 degrees, and `target_within_m` the distance, from which a target overrules the waypoints;
-    `calm_within_m` is how near a target must be to be preferred for its smaller angle. `speed_pairs` is how many pairs
-    of waypoints tell the wanted speed. `cruise_throttle` is what remains of the throttle above `free_mps`, or above
-    `free_turning_mps` where it steers by more than `turning`; above `coast_above_mps` there is none. `full_brake`: its
-    agent makes any brake a full one. `behind_is_right`: see `published_turn_of`.
+    `turn` acts on an angle in units of 90 degrees, `speed` on metres per second. A target overrules the waypoints from
+    a difference of `target_turn` (units of 90 degrees) and within `target_within_m`; within `calm_within_m` a target
+    with a smaller angle is preferred. `speed_pairs` is the number of pairs of waypoints that give the wanted speed.
+    `cruise_throttle` is the most throttle above `free_mps`, or above `free_turning_mps` with a steering beyond
+    `turning`; above `coast_above_mps` the throttle is 0. `full_brake`: the agent makes any brake a full brake.
+    `behind_is_right`: see `published_turn_of`.
     """
 
     turn: Gains
@@ -99,16 +99,17 @@ class WaypointTuning:
 
 
 class WaypointController:
-    """Steers for an aim and keeps the speed that lies in the distances between the waypoints.
+    """Steers for an aim and keeps the speed given by the distances between the waypoints.
 
     * The wanted speed is twice the mean distance from waypoint to waypoint, over the first `speed_pairs` pairs.
-    * The aim is the first waypoint of the pair whose middle is nearest to `aim_m` metres away. The target point takes
-      its place when it lies more nearly straight ahead, or when it disagrees with where the waypoints lead in the end
-      and is near: where the network errs this saves it, and where the GPS errs it misleads it.
-    * It brakes, fully, when less than `brake_below_mps` is wanted (this is asked first: at rest nothing is divided by
-      a wanted speed of 0) or when the speed is more than `brake_ratio` times what is wanted.
+    * The aim is the first waypoint of the pair whose middle is nearest to `aim_m` metres away. The target point becomes
+      the aim when it lies within `calm_within_m` and more nearly straight ahead, or when it lies less than
+      `target_within_m` ahead and disagrees with the end of the waypoints. This rule helps when the network errs, and
+      misleads when the GPS errs.
+    * The brake is full when the wanted speed is below `brake_below_mps` (tested first, so that nothing is divided by a
+      wanted speed of 0) or when the speed is more than `brake_ratio` times the wanted speed.
 
-    The state is that of one episode: make a new one for each.
+    Make a new controller for each episode, because it has a state.
     """
 
     def __init__(self, tuning: WaypointTuning) -> None:
@@ -147,7 +148,7 @@ class WaypointController:
 
 
 def capped_throttle(tuning: WaypointTuning, speed_mps: float, steer: float) -> float:
-    """Return the most throttle that an agent allows itself at the measured speed: a low reading lifts it."""
+    """Return the agent's limit on the throttle at the measured speed; a speed that reads too low raises the limit."""
     if speed_mps > tuning.coast_above_mps:
         return 0.0
     free = tuning.free_turning_mps if abs(steer) > tuning.turning else tuning.free_mps
@@ -169,10 +170,10 @@ def turn_of(point: Point) -> float:
 
 
 def published_turn_of(point: Point) -> float:
-    """Return the direction as the published agents compute it, -1..3: what lies behind on the left is 2 to 3.
+    """Return the direction as the published agents compute it, -1..3; a point behind on the left gives 2 to 3.
 
-    They do not wrap the angle (`TCP/model.py`, `team_code/pid_controller.py`), so that they steer right for every
-    target behind them; noise on the GPS puts targets there. No point is too near to have a direction.
+    The published agents do not wrap the angle (`TCP/model.py`, `team_code/pid_controller.py`) and therefore steer right
+    for every target behind the vehicle, where GPS noise can put targets. Near points have a direction, too.
 
     >>> published_turn_of((0.0, 3.0)), published_turn_of((0.0, -3.0)), published_turn_of((-3.0, 0.0))
     (1.0, -1.0, 2.0)

@@ -1,8 +1,8 @@
-"""Where to go next, by raw positions: the route planner that the published agents share.
+"""The route planner of the published agents, which chooses the next target by raw positions.
 
-It is what makes them fragile under GPS noise: nothing is filtered, and a point of the sparse plan is dropped for good
-as soon as one measured position lies near it. A jump of the GPS can drop a point too early, and with much noise a point
-may never come near enough, or only by chance.
+The planner makes these agents fragile under GPS noise: positions are not filtered, and a point of the sparse plan is
+dropped for good as soon as one measured position lies near it. A jump of the GPS can drop a point too early; with much
+noise a point may never come near enough, or only by chance.
 
 Source: Bench2DriveZoo `team_code/planner.py` and SimLingo `team_code/nav_planner.py`, re-written from their semantics.
 """
@@ -21,7 +21,7 @@ MIN_M, MIN_SIMLINGO_M, MAX_M = 4.0, 7.5, 50.0
 
 
 class Target(NamedTuple):
-    """The next point of the plan and the one after it, metres in the route's frame; the command is that of the next."""
+    """The next plan point with its command, and the plan point after it, metres in the route's frame."""
 
     x_m: float
     y_m: float
@@ -37,12 +37,12 @@ class Target(NamedTuple):
 
 
 class RoutePlanner:
-    """Drops the points of a sparse plan that have been reached, and tells the next two.
+    """Drops the reached points of a sparse plan, and returns the next two points.
 
-    In a step it looks at the points that lie within `max_m` along the plan, takes the one that is farthest away among
-    those within `min_m` of the position, and drops all before it; the last two points always stay. The point reached
-    is the first one then, the target is the second, the next target the third (at the end of the plan the second
-    again). Raises `ValueError` for a plan without points.
+    A step examines the points within `max_m` along the plan. Of the points within `min_m` of the position, the farthest
+    counts as reached, and all points before it are dropped; the last two points always stay. The reached point is then
+    the first point, the target the second, the next target the third (at the end of the plan the second again). Raises
+    `ValueError` for a plan without points.
 
     >>> from pytest_drive_robust.domain.route import PlanPoint
     >>> plan = GlobalPlan(tuple(PlanPoint(10.0 * k, 0.0, RoadOption.LANE_FOLLOW) for k in range(4)))
@@ -80,7 +80,7 @@ class RoutePlanner:
 
 
 def to_ego(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
-    """Return (forward, right) metres of a difference in the route's frame; a compass that says NaN counts as 0."""
+    """Return (forward, right) metres of a difference in the route's frame; a yaw of NaN counts as 0."""
     yaw = 0.0 if math.isnan(yaw_rad) else yaw_rad
     c, s = scalars.cos_sin(yaw)
     return c * dx_m + s * dy_m, c * dy_m - s * dx_m

@@ -1,11 +1,11 @@
-"""The numbers of each agent's controller, found with `benchmarks/controllers.py`: a perfect network drives by them.
+"""The numbers of each agent's controller, tuned with `benchmarks/controllers.py`, where a perfect network drives.
 
-Ours are found for a plain car and converted for the one that is driven (`plain_car`). The published gains belong to
-CARLA's car, which turns 1.3 times as much, and the published target rules let no agent leave its lane: a target
-straight ahead always has the smaller angle. So our gains are larger, the target rules hold near the target only, two
-pairs of waypoints tell the speed (more of them see a start before it is due), and a wish below 0.8 m/s means to stop.
-The caps keep their order: TCP's throttle is cut above walking pace, UniAD's is shut off at a speed, VAD's is the same
-at every speed.
+Our numbers are tuned for a plain car and converted for the driven car (`plain_car`). The published gains belong to
+CARLA's car, which turns 1.3 times as much, and the published target rules let no agent leave its lane, because a target
+straight ahead always has the smaller angle. Our gains are therefore larger, the target rules hold only near the target,
+two pairs of waypoints give the speed (more pairs see a start before it is due), and a wanted speed below 0.8 m/s means
+to stop. The throttle limits keep their order: TCP's throttle is cut above walking pace, UniAD's is shut off at a speed,
+VAD's is equal at every speed.
 
 `"published"` numbers are those of the released agents, unchanged, for CARLA's car: TCP's from Bench2DriveZoo
 `TCP/config.py`, `TCP/model.py` and `team_code/tcp_b2d_agent.py`, UniAD's and VAD's from `team_code/pid_controller.py`
@@ -28,7 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 Tuning = Literal["ours", "published"]
-"""Whose numbers a controller has. Ours are found for a plain car; what they give is converted (`plain_car`)."""
+"""The origin of a controller's numbers. Ours are tuned for a plain car, and their controls converted (`plain_car`)."""
 
 _SPEED = Gains(p=5.0, i=0.5, d=1.0, window=40)
 
@@ -86,8 +86,8 @@ SIMLINGO_PUBLISHED = PathTuning(
     brake_ratio=1.1,
     most_missing_mps=1.0,
 )
-"""`LateralPIDController(inference_mode=False)` counts speed in km/h and path points 0.1 m apart: hence 0.36 and 0.1. It
-takes the next whole point, this the place itself. The waypoints are those of 0.25 and 0.75 s."""
+"""`LateralPIDController(inference_mode=False)` uses speed in km/h and path points 0.1 m apart, hence 0.36 and 0.1. It
+takes the next whole point, we interpolate. The waypoints are those of 0.25 and 0.75 s."""
 
 
 def tuning_called(name: str, *, agent: str) -> Tuning:

@@ -32,14 +32,14 @@ _IMPORTS = {
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; the exit code is 4 for what cannot be used or written, 130 when interrupted."""
+    """Run the command line; return the exit code: 4 for unusable input or output, 130 when interrupted."""
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")  # before torch is imported: its threads spin otherwise
     given = sys.argv[1:] if arguments is None else arguments
     parser = argparse.ArgumentParser(prog="python -m drive_robust_agents.training", description=__doc__)
     parsers = parser.add_subparsers(dest="command", required=True)
     for name, words in _COMMANDS.items():
         one = parsers.add_parser(name, help=words, description=words)
-        if given and given[0] == name:  # the others need not be imported
+        if given and given[0] == name:  # import only the given command's module
             try:
                 require_packages(*_IMPORTS.get(name, ()))
                 import_module(f"drive_robust_agents.training.{name}").add_arguments(one)
@@ -50,9 +50,9 @@ def main(arguments: list[str] | None = None) -> int:
         code: int = import_module(f"drive_robust_agents.training.{options.command}").run(options)
     except DriveRobustError as error:
         parser.exit(4, f"{error}\n")
-    except OSError as error:  # of a file or folder that was named, or of a full disk
+    except OSError as error:  # from a given file or folder, or from a full disk
         parser.exit(4, f"{error.filename or 'a file'}: {error.strerror or error}.\n")
-    except KeyboardInterrupt:  # `collect` and `train` say themselves how far they came
+    except KeyboardInterrupt:  # `collect` and `train` print their own progress
         print("stopped; the same command goes on")
         return 130
     return code

@@ -1,6 +1,6 @@
-"""Weights that do not ship, as agents of the registry: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
+"""Register unshipped weights as agents: `candidate:tcp=RUN/weights/000100000/tcp.safetensors`.
 
-Options of the agent stand behind the file: `candidate:tcp=RUN/weights/000100000/tcp.safetensors+tuning=published`.
+Options of the agent follow the file: `candidate:tcp=RUN/weights/000100000/tcp.safetensors+tuning=published`.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ WEIGHTS_SUFFIX = ".safetensors"
 class CandidateFactory:
     """A factory of agents with one weight file. Their code, configuration and weights key their episodes.
 
-    `options` are those of the agent, as they stand behind its name. Raises `UsageError` for options that it lacks, and
-    for other weights.
+    `options` are the agent's options, as after its name. Raises `UsageError` for unknown options, and for weights of
+    another agent.
     """
 
     def __init__(self, agent: str, file: Path, options: str = "") -> None:
@@ -48,12 +48,12 @@ class CandidateFactory:
         return self._make(weights=self._file)
 
     def check(self) -> None:
-        """Load the weights, to say at once what is wrong with them. Raises `UsageError`."""
+        """Load the weights early. Raises `UsageError` for refused weights."""
         self()
 
 
 def candidate_name(agent: str, file: Path) -> str:
-    """Return what to call the agent of a weight file, once `pytest_drive_robust_register` was called."""
+    """Return the name of the agent of a weight file, valid after `pytest_drive_robust_register`."""
     return f"candidate:{agent}={file.absolute()}"
 
 

@@ -1,7 +1,7 @@
 """Collect data by drives of the expert: `python -m drive_robust_agents.training collect --agent tcp --out FOLDER`.
 
-What is written follows from the arguments alone, not from the number of workers or from how often the run was broken
-off: complete shards are skipped, others are done again.
+The written data depends only on the arguments, not on the number of workers or on interruptions: complete shards are
+skipped, incomplete shards are written again.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = [
 
 _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
-"""These may grow later: more routes come behind those that are there."""
+"""Fields that may grow in a later run, which appends routes to a folder."""
 _MOST_S = 5.0
 _DRAWS = (
     "route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "room_s", "halt_s", "simulator",
@@ -42,12 +42,12 @@ _DRAWS = (
 
 @dataclass(frozen=True, slots=True)
 class Collection:
-    """What to collect.
+    """The definition of a data set.
 
-    `per_type` routes of each scenario type in `types` (none: of all) of the generator's seed
-    `route_seed`, the first `routes` of them (None: all), `episodes` of each; `dagger` is an agent or a weights file
-    that shares the driving, each episode under one of `settings` (none: clean). The expert leaves others `room_s` more
-    than it must and stands for `halt_s` at stop signs (`Teacher`).
+    The routes are `per_type` routes of each scenario type in `types` (empty: of all types) of the generator's seed
+    `route_seed`; the first `routes` are driven (None: all), `episodes` times each. `dagger` is an agent or a weights
+    file that shares the driving, each episode under one of `settings` (empty: clean). The expert leaves others `room_s`
+    more than needed and stops for `halt_s` at stop signs (`Teacher`).
     """
 
     agent: str
@@ -65,7 +65,7 @@ class Collection:
     halt_s: float = 0.0
 
     def check(self) -> None:
-        """Raise `UsageError` for what cannot be collected."""
+        """Raise `UsageError` for an impossible collection."""
         agent_rig(self.agent)
         training_keys(seed=self.route_seed, per_type=self.per_type, types=self.types)
         for name in ("episodes", "shard_routes"):
@@ -85,7 +85,7 @@ class Collection:
                 "--settings are for the agent of --dagger, which is lacking: nothing fails for the expert."
             )
         if self.mixture is not None:
-            agent_of(self.mixture)  # an agent that cannot be made is said at once
+            agent_of(self.mixture)  # fail early for an agent that cannot be made
 
     def shards(self, folder: Path) -> tuple[Shard, ...]:
         """Return all shards of the collection."""
@@ -101,7 +101,7 @@ class Collection:
 
     @property
     def mixture(self) -> Mixture | None:
-        """Who shares the driving with the expert, or None when nobody does."""
+        """The agent that shares the driving with the expert, or None without DAgger."""
         if self.dagger is None:
             return None
         return Mixture(self.agent, self.dagger, self.beta, self.settings)
@@ -109,17 +109,17 @@ class Collection:
 
 @dataclass(frozen=True, slots=True)
 class Collected:
-    """What a folder holds of a collection now."""
+    """The present content of a collection's folder."""
 
     rows: int
     shards: int
 
 
 def collect(collection: Collection, out: Path, *, workers: int = 1, progress: bool = True) -> Collected:
-    """Collect into a folder, going on where an earlier run stopped.
+    """Collect into a folder, continuing after an earlier run; return the content of the folder.
 
-    With one worker everything happens in this process. Raises `UsageError` for a collection that cannot be made, and
-    for a folder that holds something else.
+    One worker runs in this process. Raises `UsageError` for an impossible collection, and for a folder with another
+    collection.
     """
     collection.check()
     if workers < 1:
@@ -136,13 +136,13 @@ def collect(collection: Collection, out: Path, *, workers: int = 1, progress: bo
 
 
 def _done(shard: Shard) -> dict[str, Any] | None:
-    """Return what `done.json` says of a shard that is complete and holds these routes."""
+    """Return the content of `done.json` of a complete shard with these routes, else None."""
     found = read_done(shard.folder, shard.number)
     return found if found is not None and found["routes"] == [key.id for key in shard.keys] else None
 
 
 def _claim(collection: Collection, out: Path) -> None:
-    """Note in the folder what it is for, or check that it is for the same; there may be more routes than before."""
+    """Write the collection's definition to the folder, or check that the folder's definition is equal or smaller."""
     asked: dict[str, Any] = {
         **asdict(collection),
         "types": sorted(collection.types),
@@ -167,7 +167,7 @@ def _claim(collection: Collection, out: Path) -> None:
 
 
 def _require_room(asked: int, out: Path) -> None:
-    """Raise `UsageError` for a folder with shards behind those asked for: `train` would read them, too."""
+    """Raise `UsageError` for a folder with more shards than asked for, because `train` would read these shards, too."""
     last = max(shard_numbers(out), default=-1)
     if last >= asked:
         raise UsageError(
@@ -177,9 +177,10 @@ def _require_room(asked: int, out: Path) -> None:
 
 
 def draws_of(folder: Path) -> dict[str, Any]:
-    """Return which routes and moments are in a folder, for a manifest; empty for frames of another origin.
+    """Return the draws of routes and moments in a folder, for a manifest; empty for frames of another origin.
 
-    `expert_share` is below 1 where an agent drove, too; which one is left out, as its weights are somebody's file.
+    `expert_share` is below 1 when an agent drove, too. The agent's name is left out, because its weights are a private
+    file.
     """
     file = folder / _ASKED
     if not file.is_file():
@@ -190,7 +191,7 @@ def draws_of(folder: Path) -> dict[str, Any]:
 
 
 def check_world(folders: Sequence[Path]) -> None:
-    """Raise `UsageError` for data that was collected in a world that moves otherwise; frames of no collection pass."""
+    """Raise `UsageError` for data from another version of the world; frames without a collection pass."""
     for folder in folders:
         world = draws_of(folder).get("simulator", EmbeddedSimulator.version)
         if world != EmbeddedSimulator.version:
@@ -201,7 +202,7 @@ def check_world(folders: Sequence[Path]) -> None:
 
 
 def check_cameras(folders: Sequence[Path], agent: str) -> None:
-    """Raise `UsageError` for pictures that are not those of the agent's cameras; frames of no collection pass."""
+    """Raise `UsageError` for pictures of cameras other than the agent's; frames without a collection pass."""
     for folder in folders:
         file = folder / _ASKED
         asked = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
@@ -232,7 +233,7 @@ def check_complete(folders: Sequence[Path]) -> None:
 
 
 class _Bar:
-    """Shards, frames a second and the time left."""
+    """A progress bar of shards, frames per second and the remaining time."""
 
     def __init__(self, shards: int, done: int, *, shown: bool) -> None:
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
@@ -287,7 +288,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def collection_of(given: argparse.Namespace) -> Collection:
-    """Turn the options into a `Collection`."""
+    """Return the `Collection` of the options."""
     return Collection(
         given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
         given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
@@ -296,7 +297,7 @@ def collection_of(given: argparse.Namespace) -> Collection:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Collect as the options say; the exit code: 130 when it was broken off. Raises `UsageError`."""
+    """Collect as the options say; return the exit code, 130 when interrupted. Raises `UsageError`."""
     require_packages("rich")
     try:
         found = collect(collection_of(given), given.out, workers=given.workers)

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 __all__ = ["degradation", "drive", "summary"]
 
 _STUCK_STOP_S = 45.0
-"""Later than the 40 s after which `simlingo` rolls on by itself, as the published agent does."""
+"""Seconds of standing that end an episode; longer than the 40 s after which `simlingo` creeps, as published."""
 
 Driven = dict[tuple[str, str], list["EpisodeResult"]]
 """Results by (agent, setting), in the order of the routes."""
@@ -57,10 +57,10 @@ def drive(
     simulator: str = DEFAULT_SIMULATOR,
     plugin: ModuleType = candidates,
 ) -> Driven:
-    """Drive every agent (a name of the registry) under every setting over all routes, one seed.
+    """Drive every agent (a registered name) under every setting on all routes, with one seed; return the results.
 
-    `plugin` registers names beside those that are installed. What the store has is not driven again. An agent that
-    breaks is an error, not a score: raises `AgentError`.
+    `plugin` registers additional names. Episodes in the store are not driven again. Raises `AgentError` for an agent
+    that fails, because a failed agent has no score.
     """
     registry = default_registry()
     plugin.pytest_drive_robust_register(registry)
@@ -116,7 +116,7 @@ def summary(results: Sequence[EpisodeResult]) -> dict[str, Any]:
 def degradation(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult]) -> dict[str, Any]:
     """Return RD = 1 - DS / clean DS, paired by route, with Fieller's 95 % interval.
 
-    None where clean driving scores nothing, and for a bound that the episodes do not give.
+    Values are None when the clean driving score is 0; so is a bound that the episodes do not determine.
     """
     before, after = [driving_score(one) for one in clean], [driving_score(one) for one in perturbed]
     if not any(before):
@@ -142,7 +142,7 @@ class _ProgressBar:
         self._progress.stop()
 
     def __call__(self, event: Event) -> None:
-        """Count an episode that is there."""
+        """Count a finished episode."""
         if isinstance(event, (Finished, Reused)):
             self._progress.advance(self._bar)
 
@@ -154,7 +154,7 @@ class _ProgressBar:
 
 
 def _scorable(result: EpisodeResult | None) -> EpisodeResult:
-    assert result is not None  # the scheduler has driven it
+    assert result is not None  # the scheduler has driven this episode
     if result.outcome is Outcome.AGENT_ERROR:
         raise AgentError(f"{result.episode}: {result.end_detail}")
     require_scorable([result])

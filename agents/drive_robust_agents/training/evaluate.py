@@ -1,4 +1,4 @@
-"""`evaluate`: candidates of a training in closed loop on routes that were neither trained nor are judged on."""
+"""`evaluate`: drive candidates of a training in closed loop on validation routes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(given: argparse.Namespace) -> int:
     """Evaluate as the options say, print tables, write `evaluation.json`. Raises `UsageError`."""
     require_positive(given, "workers")
-    if given.json is not None:  # said before hours of driving
+    if given.json is not None:  # fail before hours of driving
         given.json.parent.mkdir(parents=True, exist_ok=True)
     found = evaluate(
         given.agent, _files(given), routes_spec=given.routes, settings=given.settings, workers=given.workers,
@@ -76,9 +76,9 @@ def evaluate(
     store: Path,
     simulator: str = DEFAULT_SIMULATOR,
 ) -> dict[str, Any]:
-    """Drive the agents of some weight files; `best` is the place of the one with the highest clean driving score.
+    """Drive the agents of weight files; `best` in the result is the index of the highest clean driving score.
 
-    A setting with a warm-up is compared with a clean drive that has it, too.
+    A setting with a warm-up is compared with a clean drive with that warm-up.
     """
     described, routes = evaluation_routes(routes_spec)
     names = [candidate_name(agent, file) for file in files]
@@ -97,7 +97,7 @@ def evaluate(
 
 
 def evaluation_routes(spec: str) -> tuple[str, Sequence[Route]]:
-    """Return what a manifest calls the routes of `--routes`, and the routes. Raises `UsageError` for unknown ones."""
+    """Return (name for a manifest, routes) of `--routes`. Raises `UsageError` for unknown routes."""
     if spec.isdecimal() and int(spec) < 100:  # a number of three digits is the id of a route
         return f"held-out (generator seed {VALIDATION_SEED}), {spec} of each type", validation_routes(
             per_type=int(spec)
@@ -115,7 +115,7 @@ def _files(given: argparse.Namespace) -> list[Path]:
 
 
 def _print(found: dict[str, Any], console: Console) -> None:
-    """Print one line for each candidate and setting, then the best one's scenario types."""
+    """Print one line for each candidate and setting, then the scenario types of the best candidate."""
     table = Table(title=f"{found['agent']}: {found['routes']}", box=SIMPLE_HEAD, pad_edge=False)
     for column in ("weights", "setting", "DS", "95 %", "SR", "95 %", "RD", "95 %"):
         table.add_column(column, justify="left" if column in ("weights", "setting") else "right")

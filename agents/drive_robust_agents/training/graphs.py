@@ -1,4 +1,4 @@
-"""`graphs`: write what ONNX Runtime needs beside weight files, and list it in their manifest."""
+"""`graphs`: write graphs for ONNX Runtime beside weight files, and list the graphs in the manifest."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Write the graphs of each weight file. Raises `UsageError` for one that is not what its manifest lists."""
+    """Write the graphs of each weight file. Raises `UsageError` for a file that differs from its manifest."""
     for file in given.files:
         path, entry = locate(file.stem, file)
         content = verified_bytes(path, entry)

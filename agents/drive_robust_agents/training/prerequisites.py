@@ -1,4 +1,4 @@
-"""What a training needs of the machine that it runs on: looked for before any work is done."""
+"""Check the requirements of a training on the machine before any work is done."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _DEVICE = re.compile(r"cpu|cuda(?::(\d+))?")
 
 
 def require_packages(*packages: str) -> None:
-    """Raise `UsageError` with the command that installs them when packages of the extra `train` are missing."""
+    """Raise `UsageError`, with the install command, when packages of the extra `train` are missing."""
     require(*packages, extra="train")
 
 
 def require_device(name: str) -> None:
-    """Raise `UsageError` when torch cannot compute on what `--device` names: `cpu`, `cuda` or `cuda:1`."""
+    """Raise `UsageError` when torch cannot compute on the device of `--device`: `cpu`, `cuda` or `cuda:1`."""
     known = _DEVICE.fullmatch(name)
     if known is None:
         raise UsageError(

@@ -1,4 +1,4 @@
-"""`publish`: the weights that drive best go into the package (or another folder), with a word on how they drive."""
+"""`publish`: copy the best weights into the package (or another folder), with their driving score."""
 
 from __future__ import annotations
 

@@ -1,6 +1,7 @@
-"""`reproduce`: from nothing to weights such as those that ship: data, training, rounds of DAgger, a choice.
+"""`reproduce`: make weights like the shipped ones from nothing: data, training, rounds of DAgger, a choice.
 
-Each step is one of the other commands, printed before it runs. Each goes on where it stopped, and so does this one.
+Each step is one of the other commands, printed before it runs. Every command continues after an interruption, and so
+does `reproduce`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _TYPES = 44
 
 @dataclass(frozen=True, slots=True)
 class Dagger:
-    """One round: the best weights so far share the driving on routes of another seed, then they learn from it all."""
+    """One DAgger round: the best weights so far share the driving on routes of another seed, then train on all data."""
 
     route_seed: int
     per_type: int
@@ -35,7 +36,7 @@ class Dagger:
 
 @dataclass(frozen=True, slots=True)
 class Curriculum:
-    """How weights that ship were made: `per_type` routes of each of the 44 scenario types, frames seen, and rounds."""
+    """The recipe of shipped weights: `per_type` routes of each of the 44 scenario types, frames seen, and rounds."""
 
     per_type: int
     visits: int
@@ -43,7 +44,7 @@ class Curriculum:
 
     @property
     def routes(self) -> int:
-        """How many routes the expert drives itself."""
+        """Number of routes that the expert drives alone."""
         return _TYPES * self.per_type
 
 
@@ -63,7 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Run all steps in order; return the exit code of the first one that fails. Raises `UsageError`."""
+    """Run all steps in order; return the exit code of the first step that fails, else 0. Raises `UsageError`."""
     from drive_robust_agents.training.__main__ import main
 
     if not 0.0 < given.share <= 1.0:
@@ -79,7 +80,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def _check(given: argparse.Namespace) -> None:
-    """Raise `UsageError` at once for what a later step would refuse, hours after the first one began."""
+    """Raise `UsageError` early for options that a later step would refuse hours later."""
     require_packages(*TRAINING)
     require_device(given.device)
     from drive_robust_agents.training.evaluate import evaluation_routes
@@ -88,7 +89,7 @@ def _check(given: argparse.Namespace) -> None:
 
 
 def commands(given: argparse.Namespace) -> Iterator[list[str]]:
-    """Return the arguments of each step; a later one asks for the results of those before."""
+    """Yield the arguments of each step; later steps read the results of earlier steps."""
     whole, agent, out = CURRICULA[given.agent], ["--agent", given.agent], given.out
     driving = ["--workers", str(given.workers)]
     data = [out / "expert"]
@@ -103,7 +104,7 @@ def commands(given: argparse.Namespace) -> Iterator[list[str]]:
 
 
 def _learnt(given: argparse.Namespace, number: int, data: list[Path], visits: int, *more: str) -> Iterator[list[str]]:
-    """Train, then drive the candidates."""
+    """Yield the arguments of a training and of the evaluation of its candidates."""
     agent, run = ["--agent", given.agent], ["--run", str(_run(given, number))]
     seen = ["--frames", *map(str, data), "--visits", str(max(1, round(visits * given.share)))]
     yield ["train", *agent, *seen, *run, "--device", given.device, *more]
@@ -122,7 +123,7 @@ def _run(given: argparse.Namespace, number: int) -> Path:
 
 
 def _best(given: argparse.Namespace, number: int) -> Path:
-    """Return the weights that drove best after that round."""
+    """Return the weights with the best driving score after round `number`."""
     run = _run(given, number)
     found = json.loads((run / "evaluation.json").read_text(encoding="utf-8"))
     file: str = found["candidates"][found["best"]]["file"]

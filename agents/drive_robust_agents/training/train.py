@@ -61,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Train as the options say. The exit code is 130 when it was interrupted. Raises `UsageError`."""
+    """Train as the options say; return the exit code, 130 when interrupted. Raises `UsageError`."""
     require_device(given.device)
     require_positive(given, "visits", "epochs", "minutes", "batch", "lr", "threads", "readers")
     check_world(given.frames)
@@ -93,7 +93,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def candidate_steps(steps: int, run: Path) -> dict[int, Path]:
-    """Return at which steps the weights are written out, and into which folders."""
+    """Return the steps at which weights are written, and the folder of each."""
     return {step: run / "weights" / f"{step:09d}" for step in sorted({max(1, round(steps * s)) for s in _SHARES})}
 
 
@@ -124,7 +124,7 @@ def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch:
         visits: float = (given.visits or recipe.defaults.visits) if epochs is None else epochs * len(feed.training)
         return max(1, round(visits / batch))
     known = given.run / "settings.json"
-    if known.is_file():  # what was timed when the run began holds
+    if known.is_file():  # a continued run keeps the timing of its start
         steps: int = json.loads(known.read_text(encoding="utf-8"))["steps"]
         return steps
     minutes: float = given.minutes
@@ -132,7 +132,7 @@ def _steps(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, batch:
 
 
 def _seconds_per_step(given: argparse.Namespace, recipe: TrainingRecipe, feed: Feed, dtype: str) -> float:
-    """Measure the seconds per step with a network that is thrown away."""
+    """Return the measured seconds per step, with a temporary network."""
     net = channels_last(recipe.make()).to(given.device).train()
     optimizer = torch.optim.AdamW(net.parameters(), lr=1e-5, fused=True)
     times = []

@@ -1,13 +1,14 @@
 """The default simulator: our own 20 Hz world in arrays.
 
-Where is what: `towns` draws maps, `map` compiles them and finds the ways through their junctions; `traced` builds roads
-around routes of CARLA's towns; `dense_route` lays a route on its town (`matching` finds its lanes); `scenarios` puts
-`actors` on the `stage`, at `places` of the route; `state` names the arrays, `world` fills them and is one episode,
-`kernels` moves them by `light_programs` and rows of actors, `criteria` and `scoring` judge; `sensors` and `camera` show
-them to the agent, drawn by `drawing`; `simulator` is what the runner drives, `environment` what gymnasium drives.
+Modules: `towns` draws maps, `map` compiles maps and finds the ways through their junctions; `traced` builds roads
+around routes of CARLA's towns; `dense_route` lays a route on its town (`matching` finds the lanes of the route);
+`scenarios` puts `actors` on the `stage`, at `places` of the route; `state` names the arrays, `world` fills the arrays
+of one episode, `kernels` advances the arrays by `light_programs` and rows of actors, `criteria` and `scoring` judge;
+`sensors` and `camera` show the world to the agent, drawn by `drawing`; the runner drives `simulator`, gymnasium drives
+`environment`.
 
 `routes` names the sets of routes that ship, `route_xml` reads and writes route files, `generate` draws new routes
-(`weave` changes their lanes), `route_scene` and `route_sheet` show what a route is about.
+(`weave` adds lane changes), `route_scene` and `route_sheet` show a route as a picture.
 """
 
 from __future__ import annotations

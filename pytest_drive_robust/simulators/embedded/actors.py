@@ -1,4 +1,4 @@
-"""The cast of an episode while it is being put on stage: sizes by kind, triggers, and rows for the kernels."""
+"""Collect the actors of an episode: sizes by kind, triggers, and rows for the kernels."""
 
 from __future__ import annotations
 
@@ -30,14 +30,15 @@ SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
 
 @dataclass(frozen=True, slots=True)
 class ActorSpec:
-    """An actor on a path: where it is, how fast, and how it behaves.
+    """An actor on a path: its place, its speed, and its behaviour.
 
-    It starts `s_m` along the path and `right_m` beside its middle, and drives on to `end_m`; there it stays, or it
-    `leaves`. From `speed_mps` it goes on to `target_mps` (None: the same). `background` actors count for the driving
-    efficiency; `leash` keeps one near the ego; `sync_m` keeps it that far ahead of the ego; one that `appears` does not
-    exist before its script starts. `sees` says what it brakes for: whatever is ahead (`SEES_ALL`), only who is in the
-    middle of its lane already (`SEES_LATE`), or nothing at all (`SEES_NOBODY`; in a flow only until one of it was hit).
-    `yaw_rad` turns a standing one against its path; `state` are its lamps.
+    The actor starts `s_m` along the path, `right_m` to the right of the path, and drives to `end_m`. At `end_m` the
+    actor stays, or disappears if it `leaves`. Its speed changes from `speed_mps` to `target_mps` (None: stays equal).
+    `background` actors count for the driving efficiency. `leash` keeps the actor near the ego, `sync_m` keeps the actor
+    that far ahead of the ego, and `appears` means that the actor does not exist before its script starts. `sees` says
+    for whom the actor brakes: for all bodies ahead (`SEES_ALL`), only for bodies already in the middle of its lane
+    (`SEES_LATE`), or for nobody (`SEES_NOBODY`; a flow changes to `SEES_ALL` once one of its cars was hit). `yaw_rad`
+    turns a standing actor against its path; `state` are the lamps of the actor.
     """
 
     kind: ActorKind
@@ -64,10 +65,10 @@ class ActorSpec:
 
 @dataclass(frozen=True, slots=True)
 class Script:
-    """What a trigger sets off: after `delay_s`, drive `speed_mps` towards `right_m` for `seconds`, then `after_mps`.
+    """Motion after a trigger: wait `delay_s`, drive `speed_mps` towards `right_m` for `seconds`, then `after_mps`.
 
-    `relative` says what the speed is: metres per second (`SPEED_OWN`), a share of the ego's speed at that moment
-    (`SPEED_SHARE`), or metres per second above the ego's (`SPEED_ABOVE`).
+    `relative` gives the unit of the speed: metres per second (`SPEED_OWN`), a share of the ego's speed at that moment
+    (`SPEED_SHARE`), or metres per second above the ego's speed (`SPEED_ABOVE`).
     """
 
     speed_mps: float
@@ -89,7 +90,7 @@ class Cast:
     flow_gaps: list[Floats] = field(default_factory=list)
 
     def add(self, spec: ActorSpec) -> int:
-        """Add one actor and return its number. Without a script it just does what its mode says."""
+        """Add one actor and return its number. An actor without a script follows its mode."""
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
         row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[spec.kind]
         row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = spec.s_m, spec.right_m, spec.right_m
@@ -111,7 +112,7 @@ class Cast:
         return len(self.rows) - 1
 
     def script(self, actor: int, trigger: Trigger, script: Script, *, at: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Give an actor something to do when its trigger comes; `at` is the conflict point of an `Arrival`."""
+        """Start `script` for an actor when `trigger` fires; `at` is the conflict point of an `Arrival`."""
         row, whole = self.rows[actor], self.ints[actor]
         whole[c.I_PHASE] = c.PHASE_WAITING
         whole[c.I_RELATIVE] = script.relative
@@ -126,9 +127,9 @@ class Cast:
             row[c.A_TRIGGER_PROGRESS_M] = trigger.progress_m
 
     def flow(self, car: ActorSpec, *, kinds: tuple[ActorKind, ...], gaps_m: Floats) -> None:
-        """Add cars like `car`, of these kinds in turn, that come into being at `s_m` and leave at `end_m`.
+        """Add a flow of cars like `car`, of `kinds` in turn, that appear at `s_m` and disappear at `end_m`.
 
-        `gaps_m` are the distances between one car and the next, drawn beforehand.
+        `gaps_m` are the distances between consecutive cars in metres, drawn beforehand.
         """
         slots = int((car.end_m - car.s_m) / float(np.min(gaps_m))) + 3
         first = len(self.rows)

@@ -1,4 +1,4 @@
-"""The world from above, for people: what stands and moves, drawn in metres on a picture that may be turned."""
+"""Draw the world from above, for people: static and moving objects, in metres, on a picture that may be rotated."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ _WALKER_M = 0.6
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """`pixels` (height, width, 3) uint8 RGB to draw on; `turn` (2, 3) makes pixels of metres of the world."""
+    """A picture `pixels` (height, width, 3) uint8 RGB; the affine map `turn` (2, 3) converts world metres to pixels."""
 
     pixels: Pixels
     turn: Floats
@@ -114,12 +114,12 @@ class Sketch:
 
 
 def footprint(ego: EgoState) -> Floats:
-    """Return x, y, yaw, length, width."""
+    """Return the ego's x, y, yaw, length, width in metres and radians."""
     return np.array((ego.x_m, ego.y_m, ego.yaw_rad, ego.length_m, ego.width_m))
 
 
 def ground_picture(lane_map: LaneMap, region: Region) -> Sketch:
-    """Return what never moves in a region: the ground and the houses, x to the right, y down."""
+    """Draw the static parts of a region: the ground and the houses, x to the right, y down."""
     pixels = np.ascontiguousarray(unpack(pack_sheet(paint_ground(lane_map, region))))
     scale = 1.0 / region.texel_m
     turn = np.array(((scale, 0.0, -region.x_m * scale - 0.5), (0.0, scale, -region.y_m * scale - 0.5)))
@@ -141,7 +141,7 @@ def draw_bev(
 ) -> Sketch:
     """Draw a square of `metres` around `centre` (None: the ego), `size_px` wide and high, x to the right, y down.
 
-    `route` (n, 2 or more) are points in metres, and `line_px` is how thick they are drawn.
+    `route` (n, 2 or more) are points in metres, drawn as a line `line_px` thick.
     """
     x, y = centre if centre is not None else (state.ego.x_m, state.ego.y_m)
     region = Region(x - metres / 2.0, y - metres / 2.0, size_px, size_px, metres / size_px)

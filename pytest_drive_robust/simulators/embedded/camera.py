@@ -1,9 +1,9 @@
 """The cameras of the embedded world: pinhole pictures on the CPU, with depth.
 
-First `drawing/raster.py` finds which face of which box each pixel shows; then sky and ground fill what is left
-(`drawing/ground.py`), faces are coloured (`drawing/shade.py`), rain falls. Everything is a pure function of map,
-weather, camera and state: the kernels run in one thread, no sum is reordered, and OpenCV (whose thread count is global
-and stays as it is) only fills polygons of the ground texture, which it does in one thread.
+First `drawing/raster.py` finds which face of which box each pixel shows. Then sky and ground fill the other pixels
+(`drawing/ground.py`), faces are coloured (`drawing/shade.py`), and rain is drawn. A picture is a pure function of map,
+weather, camera and state: the kernels run in one thread and no sum is reordered. OpenCV (whose global thread count
+stays unchanged) only fills polygons of the ground texture, in one thread.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _FARTHEST_M = 512
 
 
 class _Eye:
-    """One camera with its memory, and what stays the same in all of its pictures."""
+    """One camera with its canvas, and the data that all of its pictures share."""
 
     def __init__(self, spec: CameraSpec, air: Air, texture: GroundTexture, clear: NDArray[np.float32]) -> None:
         self.spec = spec
@@ -50,12 +50,12 @@ class _Eye:
         self.ground = CameraGround(rows, sky_rows(spec.height_px, view, air), texture.texels, texture.levels, clear)
 
     def canvas(self, scene: FrameScene) -> Canvas:
-        """Return its memory, with room for all boxes of a scene."""
+        """Return the camera's canvas, with room for all boxes of a scene."""
         self._canvas = self._canvas.with_room(len(scene.rows))
         return self._canvas
 
     def view(self, state: WorldState) -> CameraView:
-        """Return where it stands."""
+        """Return the camera's position and orientation in the world."""
         return CameraView.of(self.spec, state.ego.x_m, state.ego.y_m, state.ego.yaw_rad)
 
 
@@ -78,9 +78,9 @@ class CameraRig:
         self._eyes = tuple(_Eye(camera, self._air, texture, clear) for camera in cameras)
 
     def render(self, state: WorldState, due: Collection[str] | None = None) -> dict[str, Pixels]:
-        """Return (height, width, 3) uint8 RGB pictures by the camera's name: of the cameras `due`, or of all.
+        """Return (height, width, 3) uint8 RGB pictures by camera name, of the cameras in `due` (None: of all).
 
-        The arrays are the rig's own and are drawn over by the next call: copy what must last.
+        The next call draws over these arrays: copy an array that must last.
         """
         scene, ego = self._scene(state), state.ego
         lamps = Headlamps(ego.x_m, ego.y_m, ego.yaw_rad, self._air.night)
@@ -102,7 +102,7 @@ class CameraRig:
         return found
 
     def _scene(self, state: WorldState) -> FrameScene:
-        """Return the boxes of all that is there."""
+        """Return the boxes of everything in the world at this moment."""
         still = len(self._furniture.rows)
         needed = still + len(state.actors) * _MOST_PARTS
         if needed > len(self._rows):

@@ -14,18 +14,18 @@ Tell = Callable[[int, int], None]
 
 
 def compile_kernels(tell: Tell) -> int:
-    """Compile what the cache lacks and load everything; return how many kernels were missing.
+    """Compile the kernels that the cache lacks, load all kernels, and return how many were missing.
 
-    `tell(done, total)` hears of functions being compiled.
+    `tell(done, total)` is called as functions are compiled.
     """
     _import_cameras()
     return compile_all.compile_all(processes=_processes(), tell=tell)
 
 
 def begin_compiling(import_others: Callable[[], None], tell: Tell, *, cameras: bool) -> Compilation:
-    """Compile what the agents imported so far need, with or without `cameras`, and load it; then begin with the rest.
+    """Compile and load the kernels of the agents imported so far, with or without `cameras`; then begin with the rest.
 
-    The rest are the cameras and what `import_others` imports.
+    The rest are the kernels of the cameras and of the modules that `import_others` imports.
     """
     if cameras:
         _import_cameras()
@@ -36,13 +36,13 @@ def begin_compiling(import_others: Callable[[], None], tell: Tell, *, cameras: b
 
 
 def missing_functions() -> int:
-    """Return how many functions have to be compiled before everything can be driven."""
+    """Return how many functions are not compiled yet, of all agents and cameras."""
     _import_cameras()
     return compile_all.missing_functions()
 
 
 def _import_cameras() -> None:
-    """Make the kernels of cameras known: an agent without cameras drives before they are compiled."""
+    """Register the kernels of cameras; late, because an agent without cameras drives before these are compiled."""
     from pytest_drive_robust.simulators.embedded import camera  # noqa: F401
 
 

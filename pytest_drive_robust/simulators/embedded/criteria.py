@@ -1,8 +1,8 @@
 """The leaderboard's criteria and ends of an episode, one compiled pass per tick.
 
 Source: Bench2Drive `scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_criteria.py` and
-`leaderboard/leaderboard/scenarios/scenario_manager.py`; the constants are theirs. Collisions are noted by
-`kernels.contacts`, where the contact happens.
+`leaderboard/leaderboard/scenarios/scenario_manager.py`; the constants are Bench2Drive's. `kernels.contacts` records
+collisions, where the contact is computed.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _nearest_point(world: WorldArrays, lane: int, x: float, y: float, best: floa
         d = math.sqrt(dx * dx + dy * dy)
         if d < best:
             best, at = d, k
-        # no point can be nearer than `best` before the lane has gone the difference
+        # consecutive points are at most `lane_step_m` apart, so the skipped points cannot be nearer than `best`
         k += max(1, int((d - best) / world.lane_step_m))
     return best, at
 
@@ -67,13 +67,13 @@ def _nearest_point(world: WorldArrays, lane: int, x: float, y: float, best: floa
 def nearest_lane(world: WorldArrays, x: float, y: float, last: int) -> tuple[int, float, float]:
     """Return (lane, distance to its centre line [m], heading there) of the nearest driving or parking lane.
 
-    `last` is a lane that may well be near, or -1: it changes nothing but how many points are looked at.
+    `last` is a lane that is probably near, or -1. `last` changes the number of points examined, never the result.
     """
     best, at = 1e18, 0
     for lane in range(len(world.lane_start) - 1):
         if world.lane_of[world.lane_start[lane]] == last:
             best, at = _nearest_point(world, lane, x, y, best, at)
-            best += _HAIR_M  # of points that are equally near the first one counts
+            best += _HAIR_M  # among equally near points the first one counts
             break
     for lane in range(len(world.lane_start) - 1):
         best, at = _nearest_point(world, lane, x, y, best, at)
@@ -88,7 +88,7 @@ def nearest_lane(world: WorldArrays, x: float, y: float, last: int) -> tuple[int
 
 @inner
 def _progress(world: WorldArrays) -> float:
-    """Pass waypoints; return the metres gained in this tick."""
+    """Advance the index of the current waypoint; return the metres of route gained in this tick."""
     ints, ego = world.criteria_ints, world.ego
     before = ints[c.CI_PROGRESS]
     reached = before
@@ -139,9 +139,10 @@ def _lane_keeping(world: WorldArrays, gained: float) -> None:
 
 @inner
 def _count_to_both_ways(world: WorldArrays) -> bool:
-    """Count this tick once the ego has come near; return whether the scenario allows to drive against the traffic now.
+    """Return whether the scenario allows the ego to drive against the traffic now; count the seconds until then.
 
-    It does some seconds after that. Call it once a tick, whether or not the answer is needed.
+    The count starts when the ego comes near the scenario's place; driving against the traffic is allowed
+    `TWO_WAYS_AFTER_S` later. Call this function exactly once a tick, because each call counts.
     """
     if world.two_ways == c.TWO_WAYS_NEVER or world.clock[1] < 0:
         return False
@@ -155,7 +156,7 @@ def _count_to_both_ways(world: WorldArrays) -> bool:
 
 @inner
 def _heading_of(world: WorldArrays, lane: int, x: float, y: float) -> float:
-    """Return the heading of one lane where it is nearest to (x, y)."""
+    """Return the heading of a lane at its point nearest to (x, y)."""
     best, at = 1e18, 0
     for k in range(len(world.lanes)):
         if world.lane_of[k] != lane:
@@ -179,10 +180,10 @@ def _crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, q
 
 @inner
 def _red_lights(world: WorldArrays) -> None:
-    """Note when the tail of the ego crosses the stop line of a red light, heading with it.
+    """Record an infraction when the rear of the ego crosses the stop line of a red light in the direction of the lane.
 
-    Lines are wider than their lanes, so a tail between two lanes crosses both: one light counts once, as the original
-    counts it by the light's id.
+    Stop lines are wider than their lanes, so a rear between two lanes crosses both lines. A light counts once, because
+    Bench2Drive counts by the id of the light.
     """
     ego = world.ego
     half = world.ego_length_m / 2.0
@@ -205,7 +206,7 @@ def _red_lights(world: WorldArrays) -> None:
 
 @inner
 def _stop_signs(world: WorldArrays) -> None:
-    """Note when the ego leaves a stop sign without having come to rest."""
+    """Record an infraction when the ego leaves a stop sign without having stopped."""
     ego, ints = world.ego, world.criteria_ints
     current = ints[c.CI_STOP_LINE]
     front = world.ego_length_m / 2.0
@@ -235,7 +236,7 @@ def _stop_signs(world: WorldArrays) -> None:
 
 @inner
 def _speed(world: WorldArrays) -> None:
-    """Compare the ego's mean speed with that of the background traffic, per twentieth of the route: the efficiency."""
+    """Update the driving efficiency: the ego's mean speed against the background traffic's, per 1/20 of the route."""
     criteria, ints = world.criteria, world.criteria_ints
     s = world.route_s[ints[c.CI_PROGRESS]]
     if s - criteria[c.C_CHECKPOINT_M] > world.route_s[-1] / CHECKPOINTS:
@@ -265,7 +266,7 @@ def _speed_event(world: WorldArrays) -> None:
 
 @inner
 def _yield_test(world: WorldArrays) -> None:
-    """Note when the emergency vehicle is not ahead of the ego ten seconds after it came within 50 m."""
+    """Record an infraction when the emergency vehicle is not ahead of the ego 10 s after coming within 50 m."""
     e = world.emergency_actor
     if e < 0 or world.actor_ints[e, c.I_ACTIVE] != c.PRESENT or world.criteria_ints[c.CI_YIELD_SEEN] == c.YIELD_JUDGED:
         return
@@ -292,7 +293,7 @@ def _close_yield(world: WorldArrays) -> None:
 
 @inner
 def _off_route_m(world: WorldArrays) -> float:
-    """Move on to the nearest waypoint and return the distance to it [m]; count the metres of route gone far from it."""
+    """Update the nearest waypoint; return its distance [m] and count the metres of route that pass too far away."""
     criteria, ints = world.criteria, world.criteria_ints
     before = ints[c.CI_NEAREST]
     best, nearest = 1e18, before
@@ -329,7 +330,7 @@ def _end(world: WorldArrays) -> int:
 
 @inner
 def judge(world: WorldArrays) -> None:
-    """Judge all criteria of one tick, after everybody moved; write `CI_END` when the episode is over."""
+    """Judge all criteria of one tick, after the ego and all actors moved; write `CI_END` when the episode is over."""
     gained = _progress(world)
     _start_scenario(world)
     _lane_keeping(world, gained)
@@ -342,7 +343,7 @@ def judge(world: WorldArrays) -> None:
 
 @entry
 def finish(world: WorldArrays) -> None:
-    """Close what is only known at the end: the last speed checkpoint, the emergency vehicle that never got past."""
+    """Judge the criteria that are known only at the end: the last speed checkpoint, an emergency vehicle held up."""
     share = world.route_s[world.criteria_ints[c.CI_PROGRESS]] / world.route_s[-1]
     if share > LAST_CHECKPOINT_SHARE:
         _speed_event(world)

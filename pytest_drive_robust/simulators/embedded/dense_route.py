@@ -1,4 +1,4 @@
-"""A route laid on its town: one row a metre, the lanes that it uses, and the sparse plan that agents get."""
+"""A route laid on its town: one row per metre, the lanes of the route, and the sparse plan for agents."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from pytest_drive_robust.simulators.embedded.traced.schema import is_traced
 from pytest_drive_robust.simulators.embedded.traced.traced_route import TRIGGER_OFF_M, trace_route
 
 _SHORTEST_M, _LONGEST_M = 20.0, 20_000.0
-"""A shorter route would be completed where it starts."""
+"""Limits of the route length; a shorter route would be completed at its start."""
 _ROUNDED_M = 0.5
-"""A trigger at either end may be rounded to beyond it."""
+"""Tolerance for a trigger whose rounding puts it beyond either end of the route."""
 _OFF_CENTRE_M = 0.1
 """A lane change begins and ends where the route is nearer than this to the centre of a lane."""
 
 
 @dataclass(frozen=True, slots=True)
 class DenseRoute:
-    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `lanes` (n,) the lane under each row."""
+    """A route by rows: `rows` (n, 4) x, y, yaw, speed limit; `s` (n,) metres along it; `lanes` (n,) the lane below."""
 
     route: Route
     rows: Floats
@@ -40,7 +40,7 @@ class DenseRoute:
 
     @property
     def lane_map(self) -> LaneMap:
-        """That of its town."""
+        """The lane map of the route's town."""
         return self.town.lane_map
 
     @property
@@ -49,7 +49,7 @@ class DenseRoute:
         return float(self.s[-1])
 
     def driven_line(self) -> tuple[Floats, float]:
-        """Return road before the start + route with its lane changes + road after its end, and the start on it [m]."""
+        """Return the line: road before the route + route with lane changes + road after; and the route's start [m]."""
         used = tuple(lane for lane, _ in groupby(int(k) for k in self.lanes))
         behind, ahead = follow(self.lane_map, used[0]), follow(self.lane_map, used[-1])
         before = join(self.lane_map, behind[: behind.index(used[0]) + 1])
@@ -66,10 +66,10 @@ class DenseRoute:
         return int(np.argmax(flags)) if flags.any() else None
 
     def passages(self) -> tuple[Passage, ...]:
-        """Return the ways through junctions that the route takes, in order; one across the turning lanes takes none."""
+        """Return the route's ways through junctions in order; a junction crossed over turning lanes is left out."""
         found: list[Passage] = []
         for driven in self._junction_lanes():
-            # all lanes of a way, or its end or its beginning where the route is shorter
+            # a route that begins or ends within a junction drives only the end or the beginning of a way
             parts = ((way, way.inside[: len(driven)], way.inside[-len(driven) :]) for way in self.town.passages)
             found.extend(islice((way for way, first, last in parts if driven in (first, last)), 1))
         return tuple(found)
@@ -85,7 +85,7 @@ class DenseRoute:
         return tuple(line.index for line in self.lane_map.stop_lines if line.lane in entries)
 
     def plan(self) -> GlobalPlan:
-        """Return the plan; of a lane change, which CARLA's planner makes in one step, only both ends are `dense`."""
+        """Return the plan; `dense` has only the ends of a lane change, which CARLA's planner makes in one step."""
         commands = self._commands()
         way = [
             PlanPoint(float(x), float(y), command) for (x, y), command in zip(self.rows[:, :2], commands, strict=True)
@@ -137,9 +137,9 @@ def _own_town(route: Route) -> CompiledTown:
 
 
 def lay_route(route: Route) -> DenseRoute:
-    """Lay a route on its town. Raises `RouteError` when it leaves the town's driving lanes.
+    """Lay a route on its town. Raises `RouteError` when the route leaves the town's driving lanes.
 
-    For routes of the leaderboard, which name a town of CARLA's, the town is built around them.
+    A leaderboard route names a town of CARLA's; its town is built around the route.
     """
     if len(route.waypoints) < 2:
         raise RouteError(f"route {route.id}: {len(route.waypoints)} waypoint(s), expected at least 2")
@@ -168,7 +168,7 @@ def lay_route(route: Route) -> DenseRoute:
 
 
 def _trigger_m(route: Route, line: Floats) -> float:
-    """Return how far along the route its scenario starts. Raises `RouteError` where it never would."""
+    """Return where the scenario starts, in metres along the route. Raises `RouteError` when the trigger is off it."""
     trigger = route.scenario.trigger
     along, _ = project(line, trigger.x_m, trigger.y_m)
     off = float(arrays.hypot(line[:, 0] - trigger.x_m, line[:, 1] - trigger.y_m).min())

@@ -32,11 +32,11 @@ _SIGNALS: Mapping[str, tuple[tuple[int, ...], float]] = {
     "imu": ((3,), 1000.0),
     "target": ((2, 2), 1e5),
 }
-"""The shape and the largest number of what is observed beside the images."""
+"""Shape and largest absolute value of each observation other than the images."""
 
 
 class WorldSnapshot(NamedTuple):
-    """A moment of an episode of `WorldEnv`. Opaque: give it to `WorldEnv.restore`."""
+    """A saved moment of an episode of `WorldEnv`; opaque, made for `WorldEnv.restore`."""
 
     simulator: EpisodeSnapshot
     next_point: int
@@ -56,8 +56,8 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
       whether the end was reached without an infraction, metres outside the lanes included
 
     Each `reset` draws a route and a seed for its actors from the environment's own generator, so `reset(seed=...)`
-    repeats an episode and those after it; `reset(options={"route": "101"})` picks the route. `routes` are those of
-    `--drive-routes` (`"full"`, `"mine.xml"`, `"101,2301"`), or the routes themselves.
+    repeats an episode and the episodes after it. `reset(options={"route": "101"})` picks the route. `routes` is a
+    specification as for `--drive-routes` (`"full"`, `"mine.xml"`, `"101,2301"`), or the routes themselves.
 
     `snapshot` and `restore` branch an episode: try several actions from the same moment, or search ahead::
 
@@ -110,9 +110,9 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return self._observed(self._simulator.observe()), self._info(None)
 
     def step(self, action: NDArray[np.float32]) -> tuple[Observed, float, bool, bool, dict[str, Any]]:
-        """Advance by 50 ms; numbers out of range count as the nearest one in it.
+        """Advance by 50 ms; the action is clipped to the action space.
 
-        Raises `gymnasium.error.InvalidAction` for what is not three finite numbers.
+        Raises `gymnasium.error.InvalidAction` unless the action is three finite numbers.
         """
         if not _three_finite(action):
             raise InvalidAction(f"the action is {action!r}, expected three finite numbers: throttle, steer, brake")
@@ -129,7 +129,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return WorldSnapshot(self._simulator.snapshot(), self._next, self._seen)
 
     def restore(self, snapshot: WorldSnapshot) -> None:
-        """Go back to a moment of this episode, to the bit. Raises `SimulationError` for one before the last `reset`."""
+        """Restore a moment of this episode, to the bit. Raises `SimulationError` for one before the last `reset`."""
         self._simulator.restore(snapshot.simulator)
         self._next, self._seen = snapshot.next_point, snapshot.seen
 
@@ -190,7 +190,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
 
 def _checked(cameras: Sequence[CameraSpec]) -> tuple[CameraSpec, ...]:
-    """Return the cameras. Raises `UsageError` for one that cannot be, and for two things of one name."""
+    """Return the cameras. Raises `UsageError` for an impossible camera and for a name that is already taken."""
     taken = set(_SIGNALS)
     for camera in cameras:
         problem = camera.problem(DT_S)

@@ -1,7 +1,7 @@
-"""Draws routes: `python -m pytest_drive_robust.simulators.embedded.generate FILE.xml --seed 0 --per-type 5`.
+"""Draw routes: `python -m pytest_drive_robust.simulators.embedded.generate FILE.xml --seed 0 --per-type 5`.
 
-Everything about a route follows from (seed, scenario type, number). Another seed gives other routes on other towns: the
-towns of seed s carry the numbers 1 + 1000 s to 1000 + 1000 s, and no others.
+A route is a function of (seed, scenario type, number). Another seed gives other routes on other towns: the towns of
+seed s have the numbers 1 + 1000 s to 1000 + 1000 s.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ from pytest_drive_robust.simulators.embedded.weave import weave
 from pytest_drive_robust.simulators.embedded.world import World
 
 ATTEMPTS = 20
-"""So often a route is drawn anew when it cannot be laid, staged or started."""
+"""Most draws of a route that cannot be laid, staged or started."""
 
 SEEDS, TOWNS_PER_SEED = 999, 1000
-"""Seeds are 0 to `SEEDS` - 1; each has its own numbers of towns."""
+"""Seeds are 0 to `SEEDS` - 1; each seed has `TOWNS_PER_SEED` town numbers of its own."""
 
 _SITES = Path(__file__).parent / "route_files" / "sites.csv"
 _RANGES = ("length_m", "trigger_m", "before_m", "changes_m")
@@ -44,13 +44,13 @@ _ELBOW_ROOM_M = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """Where routes for a scenario type are drawn.
+    """A place where routes for a scenario type are drawn.
 
-    `chain` names a chain of lanes of the town style, or several with lane changes between them:
-    `"ramp.f0>road.right"`. `before_m` metres lie between the start and the chain's anchor (its first junction, on ramps
-    where the parallel lane begins or parts); with None the route starts anywhere. `length_m` and `trigger_m` are
-    ranges, the latter measured from the start of the route, and so is `changes_m`: where each lane change begins.
-    `texts` are parameter elements whose value is a word: `(("direction", "left"),)`.
+    `chain` names a chain of lanes of the town style, or several chains with lane changes between them:
+    `"ramp.f0>road.right"`. `before_m` is the range of metres from the start to the chain's anchor (its first junction;
+    on ramps, where the parallel lane begins or parts); with None the route starts anywhere. `length_m` is the range of
+    the route length. `trigger_m` and `changes_m` (where each lane change begins) are ranges of metres from the start of
+    the route. `texts` are parameter elements whose value is a word: `(("direction", "left"),)`.
     """
 
     style: str
@@ -64,7 +64,7 @@ class Site:
 
 @functools.cache
 def all_sites() -> dict[str, tuple[Site, ...]]:
-    """Return the sites of every scenario type that has some: the rows of `route_files/sites.csv`, in their order."""
+    """Return the sites by scenario type: the rows of `route_files/sites.csv`, in file order."""
     found: dict[str, tuple[Site, ...]] = {}
     with _SITES.open(encoding="utf-8", newline="") as file:
         for row in csv.DictReader(file):
@@ -133,7 +133,7 @@ def _attempt(kind: ScenarioType, site: Site, number: int, seed: int, rng: Random
     waypoints = tuple(Waypoint(*(round(v, 3) for v in place(line, s)[:2])) for s in at)
     x, y, heading = place(line, rng.uniform(*site.trigger_m))
     trigger = TriggerPoint(round(x, 3), round(y, 3), 0.0, round(float(np.degrees(heading)), 3))
-    # the first route of a type is in fair weather, later ones go through all of them
+    # the first route of a type has fair weather, later routes draw from all weathers
     weather = str(rng.choice(_FAIR if number == 0 else tuple(WEATHERS)))
     spec = ScenarioSpec(f"{kind.name}_{number + 1}", kind.name, trigger, _parameters(kind, rng), dict(site.texts))
     return Route(route_id, town_name, waypoints, spec, WEATHERS[weather])
@@ -149,7 +149,7 @@ def _line(town: CompiledTown, site: Site, rng: RandomNumbers) -> Floats:
 
 
 def _start(town: CompiledTown, site: Site, chain: str, length: float, rng: RandomNumbers) -> float:
-    """Return where on its first chain the route starts."""
+    """Draw where the route starts, in metres along its first chain."""
     total = float(arc_lengths(town.chain(chain))[-1])
     if site.before_m is None:
         return float(rng.uniform(_ROAD_LEFT_M, max(_ROAD_LEFT_M + 1.0, total - length - _ROAD_LEFT_M)))
@@ -174,7 +174,7 @@ def _parameters(kind: ScenarioType, rng: RandomNumbers) -> dict[str, dict[str, f
 
 
 def _in_the_way(world: World) -> str | None:
-    """Return the name of what stands where the ego starts, or None."""
+    """Return the kind of an actor that overlaps the ego's start, or None."""
     now = world.now()
     ego = now.ego
     room = ego.length_m + 2.0 * _ELBOW_ROOM_M, ego.width_m + 2.0 * _ELBOW_ROOM_M
@@ -188,7 +188,7 @@ def _in_the_way(world: World) -> str | None:
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Draw a route file: the command line."""
+    """Run the command line: draw routes and write a route file."""
     parser = argparse.ArgumentParser(prog="python -m pytest_drive_robust.simulators.embedded.generate")
     parser.add_argument("file", type=Path)
     parser.add_argument("--seed", type=int, default=0, help=f"0 to {SEEDS - 1}; no two seeds share a town")

@@ -13,7 +13,7 @@ Pose = tuple[float, float, float]
 """x and y in metres, heading in radians, clockwise (y points down, as in CARLA)."""
 
 _NEAREST_M = 1e-6
-"""A point this near to the one before it is left out."""
+"""Least distance from the point before; nearer points are left out."""
 _TURN = 2.0 * np.pi
 
 
@@ -35,7 +35,7 @@ def resample(points: Floats, *, step_m: float = 1.0) -> Floats:
 
 
 def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float, float]:
-    """Return x, y, heading of the point `s_m` along the line, straight on beyond its ends, `right_m` beside it."""
+    """Return x, y, heading at `s_m` along the line, `right_m` to its right; the line goes straight on past its ends."""
     step = arc_lengths(line)[-1] / (len(line) - 1)
     index = int(np.clip(np.floor(s_m / step), 0, len(line) - 2))
     share = s_m / step - index
@@ -46,14 +46,14 @@ def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float,
 
 
 def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
-    """Return a pose so far ahead and to the right, heading the same way."""
+    """Return the pose moved `ahead_m` ahead and `right_m` to the right, with its heading."""
     x, y, heading = pose
     cos, sin = scalars.cos(heading), scalars.sin(heading)
     return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
 
 
 def project(line: Floats, x_m: float, y_m: float) -> tuple[float, float]:
-    """Return (distance along the line, distance to its right) of the point of the line that is nearest to (x, y)."""
+    """Return (metres along the line, metres to its right) of the place (x, y)."""
     away = arrays.hypot(line[:, 0] - x_m, line[:, 1] - y_m)
     index = int(np.argmin(away))
     step = arc_lengths(line)[-1] / (len(line) - 1)

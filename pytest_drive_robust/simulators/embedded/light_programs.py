@@ -1,4 +1,4 @@
-"""What lights show over time: programs of phases, and their arrays for the kernels."""
+"""Programs of traffic lights: phases over time, and their arrays for the kernels."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pytest_drive_robust.domain.truth import LightState
 from pytest_drive_robust.jit.arrays import Floats, Ints
 
 YELLOW_S = 2.0
-"""Long enough that everybody at town speeds can stop before the line or be past it."""
+"""Duration of yellow: at town speeds, a driver can either stop before the line or pass it."""
 _MOST_PHASES = 4
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """`before` the scenario starts; then phases of (state, seconds after that at its end), the last one for ever."""
+    """State `before` the scenario starts, then phases (state, end in seconds after that start); the last never ends."""
 
     before: LightState
     phases: tuple[tuple[LightState, float], ...]
@@ -45,7 +45,7 @@ def green_then_red(green_s: float, red_s: float) -> Program:
 
 
 def green_between(start_s: float, end_s: float) -> Program:
-    """Return a program that is red but for one green, which a yellow ends."""
+    """Return a program that is red except for one green phase, which ends with yellow."""
     return Program(
         LightState.RED if start_s > 0.0 else LightState.GREEN,
         (

@@ -18,14 +18,14 @@ from pytest_drive_robust.simulators.embedded.towns import Town, build_town
 from pytest_drive_robust.simulators.embedded.towns.lanes import draw_buildings, draw_lanes, stop_lines
 
 _ALMOST_ROUND_RAD = math.radians(300.0)
-"""Who turned so far has driven round a roundabout."""
+"""Turn of a way that drives round a whole roundabout."""
 
 
 class CompiledTown:
-    """`lane_map` plus what routes and scenarios want to know of a town.
+    """A town's `lane_map` with the data that routes and scenarios need.
 
-    `chains` are named rows of lane indices (`"road.f0"`, `"E.left0"`), `junctions` the number of the junction of each
-    junction lane, `passages` every way of cars through the junctions.
+    `chains` are named sequences of lane indices (`"road.f0"`, `"E.left0"`). `junctions` maps each junction lane to the
+    number of its junction. `passages` are all ways of cars through the junctions.
     """
 
     def __init__(self, town: Town) -> None:
@@ -59,12 +59,12 @@ class CompiledTown:
 
 @lru_cache(maxsize=64)
 def compile_town(name: str) -> CompiledTown:
-    """Draw and compile a town once per process. Raises `RouteError` for a name that is none of ours."""
+    """Draw and compile a town, once per process. Raises `RouteError` for a name that is not one of our towns."""
     return CompiledTown(build_town(name))
 
 
 def leftmost(lane_map: LaneMap, lane: int) -> int:
-    """Return the lane farthest to the left that leads the same way as `lane` and lies side by side with it."""
+    """Return the leftmost lane beside `lane` that leads the same way."""
     lanes = lane_map.lanes
     while lanes[lane].left >= 0 and lanes[lane].left_same_way:
         lane = lanes[lane].left
@@ -92,26 +92,26 @@ def follow(lane_map: LaneMap, lane: int) -> tuple[int, ...]:
 
 
 def prolonged(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
-    """Return a chain with what leads straight to its first lane and what follows its last one, to the road's ends."""
+    """Return a chain prolonged straight on before its first lane and after its last lane, to the road's ends."""
     before = follow(lane_map, chain[0])
     after = follow(lane_map, chain[-1]) if len(chain) > 1 else before
     return (*before[: before.index(chain[0])], *chain, *after[after.index(chain[-1]) + 1 :])
 
 
 def lanes_across(lanes: tuple[Lane, ...], lane: Lane, side: str) -> Iterator[Lane]:
-    """Yield what lies to the `"left"` or `"right"` of a lane, one after the other, up to the edge of the road."""
+    """Yield the lanes to the `"left"` or `"right"` of a lane in order, up to the edge of the road."""
     for _ in lanes:
         index, same_way = lane.beside(side)
         if index < 0:
             return
         lane = lanes[index]
         yield lane
-        if not same_way:  # seen from the other way, one goes on to the other side
+        if not same_way:  # left and right are swapped for a lane of the other direction
             side = "right" if side == "left" else "left"
 
 
 def turn_of(lanes: tuple[Lane, ...], way: Iterable[int]) -> float:
-    """Return by how many radians some lanes turn to the right, all together."""
+    """Return the total turn of a sequence of lanes in radians, positive to the right."""
     return fsum(float(lanes[k].centre[-1, 2] - lanes[k].centre[0, 2]) for k in way)
 
 
@@ -132,7 +132,7 @@ def _ways_on(lanes: tuple[Lane, ...], chain: tuple[int, ...], way: tuple[int, ..
 class Passage:
     """One way through junction number `junction`.
 
-    Lane `enters` comes in with `heading_rad`, `inside` are the junction's lanes in order, lane `leaves` leads out;
+    Lane `enters` comes in with `heading_rad`, `inside` are the junction's lanes in order, and lane `leaves` leads out.
     `turn_rad` is the turn from start to end, positive to the right.
     """
 
@@ -145,7 +145,7 @@ class Passage:
 
 
 def _passages(lanes: tuple[Lane, ...], junctions: Mapping[int, int]) -> tuple[Passage, ...]:
-    """Return every way of cars through every junction; nobody drives round a roundabout."""
+    """Return every way of cars through every junction, without ways round a whole roundabout."""
     found: list[Passage] = []
     for lane in lanes:
         if lane.junction or lane.kind is not LaneKind.DRIVING:

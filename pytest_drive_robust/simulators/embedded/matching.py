@@ -1,4 +1,4 @@
-"""Which lane lies under each row of a route: the row of lanes that fits best as a whole."""
+"""Find the lane under each row of a route: the sequence of lanes that fits best as a whole."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _SAME_COST_M = 0.3
 def match_lanes(lane_map: LaneMap, line: Floats) -> Ints:
     """Return the lane index under each row of `line` (n, 3), or -1 where no lane fits.
 
-    A row fits a driving lane when it lies on it (half a metre beside it at most) and heads its way. Of the rows of
-    lanes that fit, the one with the least total distance is taken, where going on to a lane that neither follows nor
-    lies beside the last one counts as 50 m and a change of lane as 2 m: at forks, where several lanes share their first
-    metres, the end of the route decides.
+    A row fits a driving lane when the row lies on the lane (half a metre beside at most) and heads the same way. The
+    sequence of lanes with the least total distance is chosen. A lane change counts as 2 m; a jump to a lane that
+    neither follows nor lies beside the last lane counts as 50 m. At forks, where several lanes share their first
+    metres, the end of the route therefore decides.
     """
     near = [lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING and _is_near(lane, line)]
     cost = _costs(near, line)
@@ -41,7 +41,10 @@ def distance_to_lanes(lane_map: LaneMap, x_m: float, y_m: float) -> float:
 
 
 def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float, float]) -> tuple[int, ...]:
-    """Return the row of driving lanes, one leading to the next, that comes nearest to `start` and then to `end`."""
+    """Return the sequence of connected driving lanes that comes nearest to `start` and then to `end`.
+
+    Raises `RouteError` when no lane leads from `start` to `end`.
+    """
     driving = {lane.index: lane for lane in lane_map.lanes if lane.kind is LaneKind.DRIVING}
     from_m, at_from = _nearest(driving, start)
     to_m, at_to = _nearest(driving, end)
@@ -65,13 +68,13 @@ def nearest_way(lane_map: LaneMap, start: tuple[float, float], end: tuple[float,
 
 
 def _nearest(lanes: dict[int, Lane], point: tuple[float, float]) -> tuple[dict[int, float], dict[int, int]]:
-    """Return by lane: metres from a point to it, and the row of its centre line that is nearest."""
+    """Return by lane the distance from a point to the lane [m], and the nearest row of the lane's centre line."""
     away = {k: arrays.hypot(lane.centre[:, 0] - point[0], lane.centre[:, 1] - point[1]) for k, lane in lanes.items()}
     return {k: float(d.min()) for k, d in away.items()}, {k: int(d.argmin()) for k, d in away.items()}
 
 
 def _cheapest(cost: Floats, steps: Floats) -> Ints:
-    """Return the cheapest way through the columns of `cost` (n, k), row by row, with `steps` (k, k) between columns."""
+    """Return a column for each row of `cost` (n, k): the least sum of costs and of `steps` (k, k) between columns."""
     total = cost[0]
     came_from = np.zeros(cost.shape, dtype=np.int64)
     for row in range(1, len(cost)):
@@ -86,7 +89,7 @@ def _cheapest(cost: Floats, steps: Floats) -> Ints:
 
 
 def lane_change_side(lanes: tuple[Lane, ...], before: int, after: int) -> int:
-    """Return 1 when lane `after` lies to the right of lane `before` (or of what follows it), -1 to the left, else 0."""
+    """Return 1 when lane `after` lies to the right of lane `before` or of its successors, -1 to the left, else 0."""
     for way, side in ((-1, "left"), (1, "right")):
         beside = _along(lanes[before], side)
         if beside >= 0 and (beside == after or after in lanes[beside].successors):
@@ -97,7 +100,7 @@ def lane_change_side(lanes: tuple[Lane, ...], before: int, after: int) -> int:
 
 
 def _along(lane: Lane, side: str) -> int:
-    """Return the neighbour that leads the same way, or -1."""
+    """Return the index of the neighbour on `side` that leads the same way, or -1."""
     index, same_way = lane.beside(side)
     return index if same_way else -1
 

@@ -1,4 +1,4 @@
-"""Where things are on a scenario's stage: places along the route, lanes as paths for actors, the junction."""
+"""Places for a scenario: along the route, on lanes as paths of actors, at the junction."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.map import Passage, join, leftmost,
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
 
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
-"""Heading of traffic that comes from there, relative to the ego's own way into the junction."""
+"""Heading of traffic from each arm, relative to the ego's own way into the junction."""
 _STRAIGHT_RAD = 0.35
 
 
@@ -23,7 +23,7 @@ class RoutePlaces:
     """A route on its town as scenario definitions see it.
 
     Distances `ahead_m` are metres along the route after the scenario's trigger point; `right_m` is metres to the
-    right of the route. A *path* is a number: a line that actors can follow.
+    right of the route. A *path* is the number of a line that actors can follow.
     """
 
     def __init__(self, dense: DenseRoute) -> None:
@@ -35,7 +35,7 @@ class RoutePlaces:
 
     @property
     def trigger_m(self) -> float:
-        """Where the scenario starts, in metres of the route."""
+        """The scenario's start, in metres of the route."""
         return self.dense.trigger_m
 
     @property
@@ -61,7 +61,7 @@ class RoutePlaces:
         return self._start_m + self.trigger_m + ahead_m
 
     def spot(self, ahead_m: float, right_m: float = 0.0) -> tuple[float, float]:
-        """Return x, y of a place on or beside the ego's way."""
+        """Return x, y of a place on the ego's path, or `right_m` beside it."""
         return place(self.paths[self.ego_path], self.on_ego_path(ahead_m), right_m)[:2]
 
     def junction_ahead_m(self) -> float:
@@ -86,7 +86,7 @@ class RoutePlaces:
     # --- paths ---
 
     def add_path(self, line: Floats) -> int:
-        """Make a line drivable for actors; return its number."""
+        """Add a line that actors can follow; return the number of the path."""
         self.paths.append(resample(line))
         return len(self.paths) - 1
 
@@ -140,7 +140,7 @@ class RoutePlaces:
         raise self._needs(f"a way from the {bearing} to {into!r}")
 
     def given_flow(self) -> int | None:
-        """Return the path that comes nearest to the file's `start_actor_flow` then its `end_actor_flow`, or None."""
+        """Return the path nearest to the route file's `start_actor_flow`, then `end_actor_flow`; None without these."""
         ends = [self.spec.parameters.get(f"{end}_actor_flow", {}) for end in ("start", "end")]
         if any("x" not in end or "y" not in end for end in ends):
             return None

@@ -1,4 +1,4 @@
-"""What a route is about: the moment that tells it, found without a driver, and what we understood of it in words."""
+"""Show what a route is about: its most telling moment, found without an agent, and its road and scenario in words."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ _TURNS = {RoadOption.STRAIGHT: "straight on", RoadOption.RIGHT: "right turn", Ro
 class RouteScene:
     """A built world at one moment.
 
-    `ridden_m` is how far along the route the ego is; `walks` (n, 2, 2) are the ways of those who walk, from and to, in
-    metres.
+    `ridden_m` is the ego's place in metres along the route; `walks` (n, 2, 2) are the (from, to) places of pedestrians
+    in metres.
     """
 
     route: Route
@@ -43,11 +43,11 @@ class RouteScene:
 
 
 def telling_moment(route: Route, *, seed: int = 0) -> RouteScene:
-    """Return the world of `route` when its scenario is on: a second after the first actor has set off.
+    """Return the world of `route` during its scenario: one second after the first triggered actor has started.
 
-    The ego rides along its route on rails, at 0.6 of the speed limit, and stops short of what is in its way. Scenarios
-    without triggered actors are shown when the ego has come 25 m past the trigger point. Raises `RouteError` for routes
-    that cannot be built.
+    The ego moves along its route on rails at 0.6 of the speed limit and stops short of bodies in its way. A scenario
+    without triggered actors is shown 25 m after the trigger point. Raises `RouteError` for a route that cannot be
+    built.
     """
     world = World(route, seed=seed)
     waiting = world.state.actor_ints[:, c.I_PHASE] == c.PHASE_WAITING
@@ -72,14 +72,14 @@ def _speed_at(world: World, ridden_m: float) -> float:
 
 
 def _put_ego(world: World, ridden_m: float, speed_mps: float) -> None:
-    """Put the ego on the route, after a start beside it (a parking bay) within 12 m."""
+    """Put the ego `ridden_m` along the route; an ego that starts beside the route reaches the route within 12 m."""
     aside = world.stage.start_right_m * max(0.0, 1.0 - ridden_m / 12.0)
     x, y, yaw = place(world.dense.rows[:, :3], ridden_m, aside)
     world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, yaw, speed_mps
 
 
 def _is_blocked(world: World) -> bool:
-    """Return whether something solid is right before the ego."""
+    """Return whether a solid body is close ahead of the ego."""
     ego, ints = world.state.ego, world.state.actor_ints
     there = (ints[:, c.I_ACTIVE] == c.PRESENT) & (ints[:, c.I_SOLID] == 1)
     away = world.state.actors[there][:, [c.A_X, c.A_Y]] - ego[[c.EGO_X, c.EGO_Y]]
@@ -131,7 +131,7 @@ def _lanes(lane_map: LaneMap, own: Lane) -> str:
 
 
 def describe_parameters(spec: ScenarioSpec) -> str:
-    """Return `"distance 40, flow_speed 9, source_dist_interval 15 to 25"`: what the file says, places left out."""
+    """Return the route file's parameters, coordinates left out: `"distance 40, source_dist_interval 15 to 25"`."""
     words = [f"{name} {text}" for name, text in spec.texts.items()]
     for name, given in spec.parameters.items():
         if "value" in given:

@@ -42,11 +42,11 @@ _FAINT: Colour = (104, 104, 110)
 
 
 def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | None = None) -> Pixels:
-    """Return one captioned picture of a scene, (height, width, 3) uint8 RGB; with `camera`, what it sees on the right.
+    """Return a captioned picture of a scene, (height, width, 3) uint8 RGB; on the right, the picture of `camera`.
 
     The route is blue, from a cyan to a white ring; the magenta bar is the trigger point. Yellow arrows show where
-    vehicles are in 1.5 s, orange ones the ways of those who walk, orange rings where they are now. The caption says id
-    and type, town, length and weather.
+    vehicles will be in 1.5 s, orange arrows the ways of pedestrians, orange rings the pedestrians. The caption gives
+    id and type, town, length and weather.
     """
     picture = _from_above(scene, size_px)
     if camera is not None:
@@ -62,7 +62,7 @@ def draw_tile(scene: RouteScene, *, size_px: int = 320, camera: CameraSpec | Non
 
 
 def lay_sheets(tiles: Sequence[Pixels], *, columns: int = 8) -> Iterator[Pixels]:
-    """Return tiles of one size in rows of `columns`, `TILES_PER_SHEET` on a sheet, on as many sheets as that takes."""
+    """Yield sheets of equally large tiles, in rows of `columns`, `TILES_PER_SHEET` per sheet."""
     for first in range(0, len(tiles), TILES_PER_SHEET):
         yield _sheet(tiles[first : first + TILES_PER_SHEET], min(columns, len(tiles)))
 
@@ -98,7 +98,7 @@ def _from_above(scene: RouteScene, size_px: int) -> Pixels:
 
 
 def _frame_of_interest(scene: RouteScene) -> tuple[tuple[float, float], float]:
-    """Return centre and side of a square [m]: the route from its trigger to beyond the ego, and its first junction."""
+    """Return centre and side [m] of a square around the route, from trigger to beyond the ego, and first junction."""
     dense = scene.world.dense
     end_m = max(dense.trigger_m + _AHEAD_M, scene.ridden_m + _BEFORE_EGO_M)
     crossed_m = dense.s[[dense.lane_map.lanes[lane].junction for lane in dense.lanes]]
@@ -121,7 +121,7 @@ def _arrow(sketch: Sketch, start: Floats, end: Floats, colour: Colour) -> None:
 
 
 def _write(picture: Pixels, text: str, baseline_px: int, scale: float, colour: Colour) -> None:
-    """Write a line of text, smaller where it would be cut off."""
+    """Write a line of text, in a smaller font when the line would be cut off."""
     font, room = cv2.FONT_HERSHEY_SIMPLEX, picture.shape[1] - 8
     width = cv2.getTextSize(text, font, scale, 1)[0][0]
     fitting = scale * min(1.0, room / max(width, 1))

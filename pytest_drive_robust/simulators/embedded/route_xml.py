@@ -25,10 +25,10 @@ from pytest_drive_robust.simulators.embedded.traced.schema import (
 )
 
 _WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
-"""Degrees; all others are percentages."""
+"""Ranges in degrees; all other attributes are percentages."""
 _SHARE = "route_percentage"
 _NOT_IN_IDS = frozenset(",:/")
-"""What separates ids, and files from ids, where routes are selected."""
+"""Separators of ids, and of files and ids, in a route selection."""
 _OF_CARLA = (
     "dust_storm", "fog_distance", "fog_falloff", "mie_scattering_scale", "rayleigh_scattering_scale",
     "scattering_intensity",
@@ -42,22 +42,21 @@ _NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "trigger_point": (("x", "y", "z", "yaw"), ()),
     "weathers": ((), ("weather",)),
 }
-"""The attributes and elements of each element, where nobody else refuses others."""
+"""The known attributes and elements of each element; scenario elements are checked elsewhere."""
 _CARLA_DEFAULT = -1.0
-"""A percentage of -1 leaves the choice to CARLA; ours is then the default, too."""
+"""A percentage of -1 leaves the choice to CARLA; we then use our default."""
 
 
 def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
-    """Return every route of a file, in its order; `is_ours`: who wrote it does not attack us, so it is read faster.
+    """Return every route of a file, in file order; `is_ours` reads a file that we ship, faster, without attack checks.
 
-    Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. Where a
-    road is built around the waypoints, what the scenario types need is checked, too, and, where anything is wrong,
-    whether a road can be built, so that one reading tells everything. On towns that are not CARLA's, elements and
-    attributes that nothing of ours reads are refused, where the leaderboard's files have some that mean something to
-    CARLA alone.
+    Raises one `RouteError` that names the file and, for every route with a mistake, the route and the element. For
+    roads that are built around the waypoints, the needs of the scenario type are checked, too. After any mistake, all
+    other routes are also test-built, so that one reading reports everything. On towns that are not CARLA's, elements
+    and attributes that we do not read are refused; leaderboard files may have some that only CARLA reads.
 
-    A route has one weather. Where a file of the leaderboard has several, the one with the lowest `route_percentage` is
-    the route's, that of its start; for other towns all of them must be the same.
+    A route has one weather. If a leaderboard file gives several weathers, the route takes the weather of its start, the
+    lowest `route_percentage`; on other towns all weathers of a route must be equal.
     """
     from defusedxml.common import DefusedXmlException
     from defusedxml.ElementTree import parse
@@ -87,7 +86,7 @@ def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
 
 
 def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
-    """Return the routes without a mistake in them, and one line for every other."""
+    """Return the routes without a mistake, and one line of text for each other route."""
     routes: list[Route] = []
     problems: list[str] = []
     seen: set[str] = set()
@@ -111,7 +110,7 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
 def _wrong_elements(route: Route) -> list[str]:
     traced = is_traced(route.town)
     if not traced and route.scenario.type not in SCHEMA:
-        return []  # for the world to say that drives there: it may know more types
+        return []  # the world that drives this town may know more scenario types, and checks them
     return problems_of(route.scenario, strict=not is_carla(route.town), placed=traced)
 
 
@@ -187,9 +186,9 @@ def _route(element: ElementTree.Element) -> Route:
 
 
 def _unread(element: ElementTree.Element) -> Iterator[str]:
-    """Say of an element, and of those in it, what nothing reads: names that mean nothing there, what is said twice."""
+    """Yield a line for each unread name in an element and its children: unknown names, and elements given twice."""
     attributes, children = _NAMES.get(element.tag, (tuple(element.attrib), ()))
-    if element.tag == "scenario":  # which elements it has is a question of its type
+    if element.tag == "scenario":  # its known elements depend on the scenario type, and are checked elsewhere
         attributes, children = ("name", "type"), tuple(child.tag for child in element)
     for name in element.attrib:
         if name not in attributes:
@@ -206,14 +205,14 @@ def _unread(element: ElementTree.Element) -> Iterator[str]:
 
 
 def _no_such(element: str, what: str, name: str, known: tuple[str, ...]) -> str:
-    """Say that an element has nothing of this name, with the nearest one that it has, or where it belongs."""
+    """Return the message that an element has no such name, with the nearest known name or the element it belongs in."""
     home = next((tag for tag, (_, children) in _NAMES.items() if what == "element" and name in children), None)
     hint = f": it belongs in <{home}>." if home else nearest_hint(name, known) or "."
     return f"<{element}> has no {what} {name!r}{hint} Known: {', '.join(known) or 'none'}"
 
 
 def _scenario(element: ElementTree.Element, where: str, *, strict: bool) -> ScenarioSpec:
-    """Read a scenario; a `strict` reading leaves out nothing, so that what has no effect can be refused."""
+    """Read a scenario; `strict` keeps every numeric attribute, so that one without effect can be refused."""
     kind = element.get("type")
     if not kind:
         raise RouteError(f"{where}: <scenario> has no type")

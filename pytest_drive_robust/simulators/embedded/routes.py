@@ -1,4 +1,4 @@
-"""The routes that we ship, as named sets over one file.
+"""Named sets of the routes that we ship, all in one file.
 
 The file holds every scenario type in alphabetical order with the same number of routes each; the ids are
 100 for the first type, 200 for the second, ..., plus 1, 2, ... for its routes.
@@ -18,7 +18,7 @@ _FOLDER = Path(__file__).parent / "route_files"
 _FILE = _FOLDER / "full.xml"
 
 ALL_ROUTES = "full"
-"""The set in which route ids are looked up that stand alone."""
+"""The set in which route ids without a set or file are looked up."""
 
 default_set = "one-per-scenario"
 
@@ -46,7 +46,7 @@ _SETS: dict[str, tuple[str, Callable[[Route, int], bool]]] = {
     "full": ("all of them", lambda route, n: True),
     "one-per-scenario": ("the first of each scenario type", lambda route, n: n == 0),
 }
-"""By name: what it holds, in words and as a test of (route, its number among those of its type)."""
+"""By name of the set: its content in words, and a predicate of (route, its number among the routes of its type)."""
 
 
 def set_names() -> tuple[str, ...]:
@@ -55,7 +55,7 @@ def set_names() -> tuple[str, ...]:
 
 
 def set_summary(name: str) -> str:
-    """Return what a set holds, in words. Raises `UnknownNameError`."""
+    """Return the content of a set in words. Raises `UnknownNameError`."""
     return _find(name)[0]
 
 
@@ -73,7 +73,7 @@ def named_routes(name: str) -> tuple[Route, ...]:
 
 
 def is_shipped(route: Route) -> bool:
-    """Return whether a route is one of ours, to the last detail."""
+    """Return whether a route equals a route that we ship in every field."""
     return route in _shipped()
 
 

@@ -1,4 +1,4 @@
-"""From the kernels' event rows to the domain's `EpisodeScore`."""
+"""Convert the kernels' event rows to the domain's `EpisodeScore`."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ COLLISIONS = {
 
 
 def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
-    """Read the criteria of a finished episode."""
+    """Return the score of a finished episode from its criteria."""
     end = ENDS.get(int(world.state.criteria_ints[c.CI_END]), End.SIMULATION_CRASHED)
     passed = float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
     here = int(world.state.clock[0]), float(world.state.ego[c.EGO_X]), float(world.state.ego[c.EGO_Y])
@@ -78,10 +78,10 @@ def _infractions(world: World) -> list[Infraction]:
 def closing_infractions(
     end: End, *, outside_m: float, passed_m: float, strayed: bool, here: tuple[int, float, float]
 ) -> list[Infraction]:
-    """Return what is known at the end only, at this tick and place of the ego (x, y in metres).
+    """Return the infractions that are known only at the end, at the tick and place `here` (x, y in metres).
 
-    `outside_m` of the `passed_m` metres of the route were driven outside its lanes. `strayed`: so much of it was driven
-    far from it that this alone ends an episode.
+    `outside_m` of the `passed_m` metres of the route were driven outside its lanes. `strayed`: the share of the route
+    that was driven far from the route is large enough to end the episode by itself.
     """
     tick, x, y = here
     found = []
@@ -104,9 +104,9 @@ def closing_infractions(
 def end_detail(
     end: End, *, at_s: float, still_s: float, options: SimulatorOptions, dt_s: float, stopped: str = ""
 ) -> str:
-    """Return in a sentence why an episode ended: after `at_s` seconds, the last `still_s` of them at rest.
+    """Return a phrase why an episode ended after `at_s` seconds, of which the last `still_s` were at rest.
 
-    `stopped` is why an environment ended it.
+    `stopped` is the environment's reason to end the episode.
     """
     return {
         End.COMPLETED: f"reached the end at {at_s:.1f} s",
@@ -119,6 +119,6 @@ def end_detail(
 
 
 def _junction_passed(world: World) -> bool:
-    """Return whether more than eight waypoints beyond the first one in a junction are passed."""
+    """Return whether the ego passed more than eight waypoints after the route's first waypoint in a junction."""
     row = world.dense.first_junction_row()
     return row is not None and int(world.state.criteria_ints[c.CI_PROGRESS]) > row + 8

@@ -14,7 +14,7 @@ from pytest_drive_robust.jit.arrays import Floats
 
 
 def sensed(state: WorldState, *, cameras: Mapping[str, Image], truth: GroundTruth | None = None) -> Observation:
-    """Return what all sensors deliver: GPS, compass, IMU and speed of this state, with the images as they are given."""
+    """Return the observation of a state: its GPS, compass, IMU and speed, with the given images."""
     tick, ego = state.tick, state.ego
     return Observation(
         tick=tick,
@@ -28,7 +28,7 @@ def sensed(state: WorldState, *, cameras: Mapping[str, Image], truth: GroundTrut
 
 
 class Sensors:
-    """The rig of one episode. Without cameras nothing is ever drawn. Raises `SimulationError` for impossible ones."""
+    """The sensors of one episode; without cameras nothing is drawn. Raises `SimulationError` for an invalid camera."""
 
     def __init__(
         self,
@@ -52,7 +52,7 @@ class Sensors:
             self._rig = CameraRig(lane_map, weather, cameras, around=route[:, :2])
 
     def observe(self, state: WorldState) -> Observation:
-        """Return what the sensors deliver now; cameras slower than the tick deliver their last image again."""
+        """Return the observation of this tick; a camera slower than the tick repeats its last image."""
         tick = state.tick
         due = [name for name, every in self._every.items() if tick % every == 0 or name not in self._images]
         if self._rig is not None and due:
@@ -61,7 +61,7 @@ class Sensors:
         return sensed(state, cameras=dict(self._images))
 
     def snapshot(self) -> dict[str, Image]:
-        """Copy of the images of slow cameras, which the next `observe` may deliver again; give them to `restore`."""
+        """Return copies of the slow cameras' last images, for `restore`; the next `observe` may repeat the images."""
         return {
             name: Image(image.pixels.copy(), image.tick)
             for name, image in self._images.items()
@@ -69,5 +69,5 @@ class Sensors:
         }
 
     def restore(self, images: Mapping[str, Image]) -> None:
-        """Go back to a `snapshot` of this rig."""
+        """Restore a `snapshot` of this rig."""
         self._images = dict(images)

@@ -1,7 +1,7 @@
 """The default backend: `World`, its sensors and its criteria behind the `Simulator` protocol.
 
-The world is imported by the first `reset` or `check_route`: a run whose episodes are all stored only asks a simulator
-for its name, its tick and its versions, and need not wait for numba.
+The first `reset` or `check_route` imports the world. A run whose episodes are all stored reads only the simulator's
+name, tick and versions, and need not wait for numba.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class EpisodeSnapshot(NamedTuple):
-    """A moment of an episode: the world it is of, its changing arrays, and the last images of slow cameras."""
+    """A saved moment of an episode: its world, the changing arrays, and the last images of slow cameras."""
 
     world: World
     state: State
@@ -78,10 +78,10 @@ class EmbeddedSimulator:
         return self._state
 
     def check_route(self, route: Route) -> None:
-        """Raise `UsageError` when the route's town, way or scenario cannot be built; build it once to see.
+        """Build the route once; raise `UsageError` when its town, way or scenario cannot be built.
 
-        Those that we ship can be built, so that a process that only judges on them loads no world. Nothing can be
-        where numba may not compile.
+        Routes that we ship are known to build and are not tried, so that a process that only judges stored episodes
+        loads no world. Raises `UsageError` for every route where numba may not compile.
         """
         require_compiling()
         if not is_shipped(route):
@@ -134,12 +134,12 @@ class EmbeddedSimulator:
         return score_of(self.world, self.options)
 
     def snapshot(self) -> EpisodeSnapshot:
-        """Return a copy of everything that changes; microseconds without slow cameras."""
+        """Return a copy of all changing arrays; takes microseconds without slow cameras."""
         world = self.world
         return EpisodeSnapshot(world, world.snapshot(), self.sensors.snapshot())
 
     def restore(self, snapshot: EpisodeSnapshot) -> None:
-        """Go back to a snapshot of this episode, as often as you like. Raises `SimulationError` for another's."""
+        """Restore a snapshot of this episode, any number of times. Raises `SimulationError` for another episode's."""
         if snapshot.world is not self.world:
             raise SimulationError("a snapshot is of another episode, expected one taken since the last reset")
         self.world.restore(snapshot.state)
@@ -147,18 +147,18 @@ class EmbeddedSimulator:
         self._state = None
 
     def place_ego(self, *, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> WorldState:
-        """Put the ego elsewhere in this moment of the episode, for data and experiments that branch from it.
+        """Put the ego elsewhere at this moment of the episode, for data and experiments that branch from it.
 
-        Its wheels stay turned as they are; with a speed of 0 it is at rest. The IMU tells what follows from that.
-        Nobody else moves and no criterion is judged before the next `step`. Raises `SimulationError` for what no ego
-        can have.
+        The wheels keep their angle; with a speed of 0 the ego is at rest. The IMU is updated. No actor moves and no
+        criterion is judged before the next `step`. Raises `SimulationError` for numbers that are not finite and for a
+        negative speed.
         """
         self.world.place_ego(x_m, y_m, yaw_rad, speed_mps)
         self._state = None
         return self.state
 
     def versions(self) -> Mapping[str, str]:
-        """Return its own version: no version of a library changes a bit."""
+        """Return the world's own version; no version of a library changes a bit of an episode."""
         return {"simulator": f"{self.name} {self.version}"}
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""What a scenario definition works with: places on the route, actors, flows, lights, seeded draws."""
+"""The stage that a scenario definition fills: places on the route, actors, flows, lights, seeded draws."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED, P
 from pytest_drive_robust.simulators.embedded.places import RoutePlaces
 
 CARS = (ActorKind.CAR, ActorKind.VAN, ActorKind.CAR)
-"""What the cars of a flow are, in turn."""
+"""Kinds of the cars of a flow, in turn."""
 _GAPS = 127  # draws of a flow; they repeat after that
 _LEAST_ROOM_M = 2.0
-"""Between one car of a flow and the next."""
+"""Least room between consecutive cars of a flow."""
 
 
 class Stage(RoutePlaces):
     """The world of one episode under construction.
 
-    `start_right_m` and `start_mps` say how the ego starts: so many metres to the right of the route's first point, and
-    at what speed. `end_m` is the progress at which the scenario is over. `two_ways_near` is what the ego comes near to
-    before it may use the oncoming lane: x, y, metres, and seconds at its speed. `ranges` are those of the type's
-    elements.
+    The ego starts `start_right_m` metres to the right of the route's first point, at `start_mps`. `end_m` is the
+    progress at which the scenario is over. `two_ways_near` (x, y, metres, seconds) is the place that the ego has to
+    come near, in metres or in seconds at its speed, before it may use the oncoming lane. `ranges` are the ranges of the
+    scenario type's elements.
     """
 
     def __init__(self, dense: DenseRoute, *, seed: int, ranges: Mapping[str, Range]) -> None:
@@ -67,7 +67,7 @@ class Stage(RoutePlaces):
         state: ActorState = ActorState.NONE,
         appears: bool = False,
     ) -> int:
-        """Put something that does not move beside or on the ego's way, turned by `yaw_rad` against it."""
+        """Put a static actor on or beside the ego's path, turned by `yaw_rad` against it; return its number."""
         return self.cast.add(
             ActorSpec(
                 kind, self.ego_path, self.on_ego_path(ahead_m), mode=c.MODE_STATIC, right_m=right_m, yaw_rad=yaw_rad,
@@ -76,7 +76,7 @@ class Stage(RoutePlaces):
         )  # fmt: skip
 
     def dirt(self, ahead_m: float) -> None:
-        """Put a patch of dirt on the ego's way: within 2 m of it the controls are noisy."""
+        """Put a patch of dirt on the ego's path; within 2 m of the patch the ego's controls are noisy."""
         self.patches.append(self.spot(ahead_m))
         self.stand(ActorKind.DIRT, ahead_m)
 
@@ -92,9 +92,9 @@ class Stage(RoutePlaces):
         kind: ActorKind = ActorKind.PEDESTRIAN,
         slant_rad: float = 0.0,
     ) -> int:
-        """Let somebody cross the ego's way from right to left (from a negative `from_right_m`: left to right).
+        """Let a walker cross the ego's path from right to left (with a negative `from_right_m`: left to right).
 
-        They walk `walks_m` metres sideways; with a positive `slant_rad` they come towards the ego while they do.
+        The walker walks `walks_m` metres sideways; a positive `slant_rad` slants its way towards the ego.
         """
         to_right_m = from_right_m - float(np.copysign(walks_m, from_right_m))
         lean = scalars.tan(slant_rad) * float(np.sign(from_right_m))
@@ -117,11 +117,11 @@ class Stage(RoutePlaces):
         sees: int = c.SEES_ALL,
         dense_m: float = 0.0,
     ) -> None:
-        """Add cars (or `kinds`) one after the other along a path.
+        """Add a flow of cars (or of `kinds` in turn) along a path.
 
-        Gaps are drawn from `gap_m`, from the middle of one to the middle of the next as Bench2Drive measures them. Our
-        flows never end, so every third gap is twice as long: somebody who waits patiently gets through. In the first
-        `dense_m` metres of the flow, counted back from the path's end, none is. The other options are those of
+        Gaps are drawn from `gap_m` and run from middle to middle of consecutive cars, as Bench2Drive measures gaps. Our
+        flows never end, so every third gap is twice as long: a patient agent gets through. The first `dense_m` metres
+        of the flow, counted back from the path's end, have no such long gap. The other options are those of
         `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
@@ -136,17 +136,17 @@ class Stage(RoutePlaces):
         self.cast.flow(car, kinds=kinds, gaps_m=gaps)
 
     def borrow_lane(self, ahead_m: float, *, near_m: float, near_s: float = 0.0) -> None:
-        """Allow the oncoming lane five seconds after the ego came so near to a place on its way.
+        """Allow the oncoming lane five seconds after the ego came within `near_m` or `near_s` of a place on its path.
 
-        `near_s` are seconds at its speed of that moment (Bench2Drive `SwitchWrongDirectionTest` after `Idle(5)`).
+        `near_s` is in seconds at the ego's current speed (Bench2Drive `SwitchWrongDirectionTest` after `Idle(5)`).
         """
         self.two_ways_near = (*self.spot(ahead_m), near_m, near_s)
 
     # --- lights ---
 
     def lights(self, *, ego: Program, opposite: Program, crossing: Program = RED) -> None:
-        """Set programs for the ego's light, the opposite one, and those of the crossing road, at the first junction."""
-        self.first_passage()  # says clearly when there is no junction
+        """Set the programs at the first junction: the ego's light, the opposite light, the crossing road's lights."""
+        self.first_passage()  # raises a clear error without a junction
         self._set_lights(0, ego, opposite, crossing)
 
     def green_for_ego(self) -> None:

@@ -1,4 +1,4 @@
-"""The world as arrays: what kernels read (`Statics`) and what they write (`State`), and the names of the columns."""
+"""The world as arrays: kernels read `Statics` and write `State`; constants name the columns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Int
 
 DT_S = 0.05
 STANDING_MPS = 0.1
-"""Who is slower than this stands, for all criteria."""
+"""Speed below which a body counts as standing, for all criteria."""
 EVENT_CAPACITY = 256
 
 # --- ego: one row of floats ---
@@ -20,7 +20,7 @@ EGO_COLUMNS = 8
 # --- actors: one row each ---
 A_S, A_LAT, A_V, A_ACCEL, A_X, A_Y, A_YAW, A_LENGTH, A_WIDTH, A_HEIGHT = range(10)
 A_TARGET_V, A_TARGET_LAT, A_LAT_RATE, A_END_S = range(10, 14)
-# what a trigger starts: a speed and a lateral target, for so many seconds, then another speed
+# the script that a trigger starts: a speed and a lateral target for some seconds, then another speed
 A_SCRIPT_V, A_SCRIPT_LAT, A_SCRIPT_S, A_AFTER_V, A_DELAY_S, A_TIMER_S = range(14, 20)
 A_TRIGGER_TTA_S, A_TRIGGER_M, A_TRIGGER_X, A_TRIGGER_Y, A_TRIGGER_PROGRESS_M = range(20, 25)
 A_SYNC_M, A_BRAKE_MAX, A_ACCEL_MAX, A_TURNED = range(25, 29)
@@ -31,9 +31,9 @@ I_BACKGROUND, I_OBEYS_LIGHTS, I_SOLID, I_LEASH, I_FLOW, I_RELATIVE, I_SEES = ran
 ACTOR_INTS = 17
 
 # --- values of those columns, by the column's name ---
-ABSENT, PRESENT, NOT_YET = range(3)  # I_ACTIVE; who is not there yet comes when its script starts
+ABSENT, PRESENT, NOT_YET = range(3)  # I_ACTIVE; NOT_YET: appears when the actor's script starts
 NEVER_HIT = -100000  # I_LAST_HIT, otherwise a tick
-SPEED_OWN, SPEED_SHARE, SPEED_ABOVE = range(3)  # I_RELATIVE: a script's speed in m/s, of the ego's, beyond it
+SPEED_OWN, SPEED_SHARE, SPEED_ABOVE = range(3)  # I_RELATIVE: script speed in m/s, share of the ego's, m/s above it
 SEES_ALL, SEES_NOBODY, SEES_LATE = range(3)  # I_SEES
 
 MODE_STATIC, MODE_DRIVE, MODE_WALK = range(3)
@@ -54,7 +54,7 @@ CRITERIA_COLUMNS = 10
 CI_PROGRESS, CI_LAST_LANE, CI_WRONG_WAY, CI_END, CI_EVENTS, CI_SAMPLES = range(6)
 CI_STOP_LINE, CI_STOPPED, CI_LAST_LIGHT, CI_SCENARIO_OVER, CI_YIELD_SEEN, CI_NEAREST = range(6, 12)
 CRITERIA_INTS = 12
-YIELD_FAR, YIELD_NEAR, YIELD_JUDGED = range(3)  # values of CI_YIELD_SEEN: what is known of the emergency vehicle
+YIELD_FAR, YIELD_NEAR, YIELD_JUDGED = range(3)  # values of CI_YIELD_SEEN: state of the emergency vehicle's test
 
 TWO_WAYS_NEVER, TWO_WAYS_WHILE_IT_RUNS, TWO_WAYS_TO_THE_END = range(3)  # values of `Statics.two_ways`
 
@@ -71,7 +71,7 @@ EVENT_COLUMNS = 6
 
 
 class Statics(NamedTuple):
-    """What does not change within an episode."""
+    """The arrays that stay constant within an episode."""
 
     dt_s: float
     tick_cap: int
@@ -81,8 +81,8 @@ class Statics(NamedTuple):
     trigger_m: float  # progress at which the scenario starts
     scenario_end_m: float  # progress at which the scenario is over
     blocked_test_off: int  # 1: the blocked test is off while the scenario runs
-    two_ways: int  # until when the scenario allows to drive against the traffic: TWO_WAYS_*
-    two_ways_near: Floats1  # (4,): x, y, metres, seconds: so near to that place the wait for that allowance begins
+    two_ways: int  # how long the scenario allows driving against the traffic: TWO_WAYS_*
+    two_ways_near: Floats1  # (4,): x, y, metres, seconds: within these of (x, y) the wait for `two_ways` begins
     emergency_actor: int  # the actor that must be let past, or -1
     ego_length_m: float
     ego_width_m: float
@@ -94,14 +94,14 @@ class Statics(NamedTuple):
     lanes: Floats2  # (total, 3): centre points of driving and parking lanes
     lane_of: Ints1  # (total,): lane index of each centre point
     lane_start: Ints1  # (usable lanes + 1,): where each of those lanes begins among the points
-    lane_step_m: float  # no two points of a lane that follow each other are farther apart
+    lane_step_m: float  # greatest distance of consecutive points of a lane
     lane_width: Floats1  # (lanes,)
     lane_junction: Ints1  # (lanes,)
     stop_lines: Floats2  # (stop lines, 4): x, y, heading, width
     stop_is_light: Ints1  # (stop lines,)
     stop_light: Ints1  # (stop lines,): equal for the lines that one light governs, side by side on the same way
     light_states: Ints2  # (stop lines, phases)
-    light_until_s: Floats2  # (stop lines, phases): phase ends so many seconds after the scenario started
+    light_until_s: Floats2  # (stop lines, phases): end of each phase, seconds after the scenario started
     light_before: Ints1  # (stop lines,): state before the scenario starts
     flow_gaps: Floats2  # (flows, draws): distances between two cars [m]
     buildings: Floats2  # (b, 6)
@@ -111,7 +111,7 @@ class Statics(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a tick changes."""
+    """The arrays that a tick changes."""
 
     clock: Ints1  # (2,): tick, tick at which the scenario started (-1: not yet)
     ego: Floats1  # (8,)

@@ -1,8 +1,8 @@
 """The 23 weathers that generated routes use, by name.
 
-The leaderboard draws from as many (Bench2Drive `leaderboard/data/weather.xml`): seven skies at noon, at sunset and at
-night, and two that stand alone. The numbers are our own, in the neighbourhood of CARLA's public presets; fog is thinner
-than there, because our cameras have no exposure control that would look through it.
+The leaderboard also draws from 23 weathers (Bench2Drive `leaderboard/data/weather.xml`): seven skies at noon, at sunset
+and at night, and two single weathers. The numbers are our own, close to CARLA's public presets; fog is thinner, because
+our cameras have no exposure control that would see through thick fog.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Lines along lanes of a town that change from one lane to the next, as the routes of the generator do."""
+"""Draw lines along lanes of a town with lane changes, for the routes of the generator."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pytest_drive_robust.simulators.embedded.map import CompiledTown
 _CHANGE_S = 2.4
 _LEAST_CHANGE_M = 20.0
 _WIDEST_M = 5.0
-"""Lanes whose centres are farther apart do not lie side by side."""
+"""Greatest distance between the centres of lanes that lie side by side."""
 
 
 def change_length_m(speed_mps: float) -> float:
@@ -64,7 +64,7 @@ def _move_over(
 
 
 def _beside(line: Floats, point: tuple[float, float] | Floats, names: list[str]) -> float:
-    """Return where on `line` one is level with a point beside it."""
+    """Return the metres along `line` level with `point`. Raises `RouteError` when `point` is not beside the line."""
     s, aside = project(line, float(point[0]), float(point[1]))
     if not 0.0 <= s <= arc_lengths(line)[-1] or abs(aside) > _WIDEST_M:
         raise RouteError(f"lanes {names[0]!r} and {names[1]!r} do not lie side by side where the route changes")

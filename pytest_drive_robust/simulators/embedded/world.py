@@ -38,7 +38,7 @@ _STOPPING_MPS2 = 4.0
 
 
 class World:
-    """A route with its actors. `statics` never changes, `state` is everything that does.
+    """A route with its actors: `statics` never changes, `state` holds everything that changes.
 
     Raises `RouteError` when the route cannot be laid or its scenario cannot be staged there.
     """
@@ -72,7 +72,7 @@ class World:
 
     @property
     def lane_map(self) -> LaneMap:
-        """The town."""
+        """The lane map of the route's town."""
         return self.dense.lane_map
 
     def tick(self, control: Control) -> None:
@@ -80,7 +80,7 @@ class World:
         tick(self._arrays, float(control.throttle), float(control.steer), float(control.brake))
 
     def close_criteria(self) -> None:
-        """Note what is only known at the end; once per episode."""
+        """Judge the criteria that are known only at the end; call once per episode."""
         finish(self._arrays)
 
     def now(self) -> WorldState:
@@ -109,16 +109,16 @@ class World:
         return GroundTruth(now, self.lane_map, self.dense.rows, int(self.state.criteria_ints[c.CI_PROGRESS]))
 
     def snapshot(self) -> State:
-        """Return a copy of everything that changes; give it to `restore` to branch from here."""
+        """Return a copy of all changing arrays, for `restore`, to branch from this moment."""
         return State(*(array.copy() for array in self.state))
 
     def restore(self, snapshot: State) -> None:
-        """Go back to a snapshot of this world."""
+        """Restore a snapshot of this world."""
         for mine, theirs in zip(self.state, snapshot, strict=True):
             mine[...] = theirs
 
     def place_ego(self, x_m: float, y_m: float, yaw_rad: float, speed_mps: float) -> None:
-        """Move the ego; see `EmbeddedSimulator.place_ego`. Raises `SimulationError` for what no ego can have."""
+        """Move the ego; see `EmbeddedSimulator.place_ego`. Raises `SimulationError` for an invalid place or speed."""
         if not all(map(math.isfinite, (x_m, y_m, yaw_rad, speed_mps))) or speed_mps < 0.0:
             given = f"x {x_m!r}, y {y_m!r}, yaw {yaw_rad!r}, speed {speed_mps!r}"
             raise SimulationError(f"the ego cannot be put at {given}: expected finite numbers and a speed of 0 or more")
@@ -140,9 +140,9 @@ def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
 
 
 def _clear_start(statics: Statics, state: State) -> None:
-    """Remove flow cars that stand where the ego starts, or in somebody whom the scenario put there.
+    """Remove flow cars that overlap the ego's start, or that would hit an actor of the scenario.
 
-    Those nearer than 15 m on the ego's own lane leave before the first tick.
+    Flow cars nearer than 15 m on the ego's own lane are removed, too.
     """
     active = state.actor_ints[:, c.I_ACTIVE] == c.PRESENT
     flowing = state.actor_ints[:, c.I_FLOW] >= 0
@@ -158,7 +158,10 @@ def _clear_start(statics: Statics, state: State) -> None:
 
 
 def _runs_into(actor: Floats, placed: Floats, cos: Floats, sin: Floats) -> bool:
-    """Return whether an actor overlaps one of `placed` (of these yaws), or is too near along it to stop in time."""
+    """Return whether an actor overlaps one of `placed`, or is too near behind or ahead to stop.
+
+    `cos` and `sin` are those of the yaws of `placed`.
+    """
     dx, dy = actor[c.A_X] - placed[:, c.A_X], actor[c.A_Y] - placed[:, c.A_Y]
     long, wide = placed[:, c.A_LENGTH] + actor[c.A_LENGTH], placed[:, c.A_WIDTH] + actor[c.A_WIDTH]
     to_stop = 2.0 + actor[c.A_V] * actor[c.A_V] / (2.0 * _STOPPING_MPS2)
@@ -216,7 +219,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
 
 
 def _patch_noise(stage: Stage) -> Floats:
-    """Draw (patches, n, 2), what dirt adds to throttle and steer; each patch has a side and a sign of its own.
+    """Draw the noise of dirt on throttle and steer, (patches, n, 2); each patch draws a sign for each.
 
     Source: Bench2Drive `scenario_runner/srunner/scenarios/control_loss.py`.
     """
@@ -230,7 +233,7 @@ def _patch_noise(stage: Stage) -> Floats:
 
 
 def _path_stops(paths: list[Floats], dense: DenseRoute) -> tuple[Floats, Ints]:
-    """Return where each path meets its first stop line, if it does."""
+    """Return by path the metres to its first light's stop line (infinity: none) and that line's index (-1: none)."""
     stop_s = np.full(len(paths), np.inf)
     stop_line = np.full(len(paths), -1, dtype=np.int64)
     for p, path in enumerate(paths):

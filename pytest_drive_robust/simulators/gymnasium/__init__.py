@@ -1,8 +1,8 @@
-"""`gymnasium:ID`: highway-env's environments, and any that is built like them, behind our `Simulator` protocol.
+"""`gymnasium:ID`: highway-env's environments, and similar environments, behind our `Simulator` protocol.
 
-Where is what: `environments` says which can be driven, makes one at 20 Hz and keeps what it writes on classes to
-itself; `route_line` asks it where its ego shall go and draws the way there, `road_map` the lanes; `live_road` gives it
-controls and reads its vehicles; `criteria` judges; `simulator` is what others import.
+Modules: `environments` decides which environments can be driven, makes an environment at 20 Hz and isolates its class
+attributes; `route_line` reads the ego's destination and draws the route there, `road_map` reads the lanes; `live_road`
+applies controls and reads the vehicles; `criteria` judges; other packages import `simulator`.
 """
 
 from __future__ import annotations

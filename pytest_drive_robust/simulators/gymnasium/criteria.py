@@ -1,4 +1,4 @@
-"""The leaderboard's criteria for a world that is no array: collisions, lanes, progress, and why an episode ends.
+"""The leaderboard's criteria for a gymnasium environment: collisions, lanes, progress, and the end of an episode.
 
 Source: Bench2Drive `scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_criteria.py`; the constants are
 those of the embedded world. There are no lights, signs or scenarios to judge.
@@ -24,7 +24,7 @@ _WRONG_WAY_RAD = constants.WRONG_WAY_AFTER_JUNCTION_RAD
 
 
 class EpisodeCriteria:
-    """What the criteria say about one episode so far; `judge` once after every tick."""
+    """The state of the criteria in one episode; call `judge` once after every tick."""
 
     def __init__(self, road: LiveRoad, line: RouteLine, lane_map: LaneMap, index: dict[Any, int]) -> None:
         self._road = road
@@ -93,7 +93,7 @@ class EpisodeCriteria:
         return float(self._line.s[self.row] - self._line.s[before])
 
     def _collisions(self, state: WorldState) -> None:
-        """Note one collision, unless the ego stood: highway-env's `crashed` stays true for the rest of the episode."""
+        """Record one collision, unless the ego stood; highway-env's `crashed` stays true until the episode ends."""
         if self._road.ego.crashed and not self._crashed:
             self._crashed = True
             if self._road.speed_before_mps < STANDING_MPS:
@@ -136,7 +136,7 @@ class EpisodeCriteria:
         self._speeds.clear()
 
     def _off_route(self, state: WorldState) -> float:
-        """Move on to the nearest row and return the distance to it [m]; count the metres of route gone far from it."""
+        """Update the nearest row; return its distance [m] and count the metres of route that pass too far away."""
         ahead = self._line.rows[self._nearest : self._nearest + constants.DEVIATION_WINDOW]
         away = np.hypot(ahead[:, 0] - state.ego.x_m, ahead[:, 1] - state.ego.y_m)
         best, before = float(np.min(away)), self._nearest

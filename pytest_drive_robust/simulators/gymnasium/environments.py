@@ -1,4 +1,4 @@
-"""Make an environment that we can drive: 20 Hz, two actions, no observation, no reward, class attributes of its own."""
+"""Make a drivable environment: 20 Hz, two actions, no observation, no reward, isolated class attributes."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ _CONFIG: Mapping[str, object] = {
     },
     "duration": math.inf,
 }
-"""What is forced on every environment.
+"""The configuration forced on every environment.
 
-* One simulation step per decision, 20 of each in a second: `simulation_frequency // policy_frequency` frames are
-  computed, so 15 and 20 would mean none at all, and 50 and 20 would mean 2 of 20 ms in each 50 ms.
+* One simulation step per decision, 20 of each per second. An environment computes `simulation_frequency //
+  policy_frequency` frames per decision, so 15 and 20 would give no frame, and 50 and 20 two frames of 20 ms per 50 ms.
 * No observation: highway-env's `Kinematics` goes through pandas and costs half of a step.
 * No `duration`: the horizon of a learning problem, within which a careful driver may not arrive. `tick_cap` ends
   episodes.
@@ -51,7 +51,7 @@ _EXPECTED = (
     "`config` and `action_type`, and `gymnasium.make(id, config={...})` sets its config"
 )
 ROUTES = 10
-"""So many routes are driven when nobody names any."""
+"""Number of routes that are driven when no route is named."""
 _MOST_ROUTES = 100_000
 WORKING = (
     *("exit-v0", "exit-v1", "highway-v0", "highway-fast-v0", "intersection-v0", "intersection-v1", "intersection-v2"),
@@ -71,13 +71,13 @@ _REFUSED = {
     "parking-ActionRepeat-v0": (_PARKING, "roundabout-v0"),
     "parking-parked-v0": (_PARKING, "roundabout-v0"),
 }
-"""Why not, and the nearest that can."""
+"""By refused environment: the reason, and the nearest drivable environment."""
 
 
 class DrivableEnvironment:
     """A mix-in for an environment's class, before its own methods.
 
-    Nobody reads the reward, so none is computed: those of merge, roundabout and two-way raise for continuous actions.
+    No reward is computed: nobody reads the reward, and merge, roundabout and two-way raise for continuous actions.
     """
 
     def define_spaces(self) -> None:
@@ -96,7 +96,7 @@ class DrivableEnvironment:
 def find_spec(identifier: str) -> EnvSpec:
     """Return the registered environment of that id, or of `"module:id"` after importing the module.
 
-    Raises `UnknownNameError` for one that nobody registered, `UsageError` for one that we refuse.
+    Raises `UnknownNameError` for an unregistered environment, `UsageError` for an environment that we refuse.
     """
     module, _, name = identifier.rpartition(":")
     if module:
@@ -161,9 +161,9 @@ def _drivable(creator: type) -> type:
 
 
 def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:
-    """Return the routes of those names, each once; without names `intersection-v1-0` to `-9`.
+    """Return the routes of the given names, each once; without names the first `ROUTES`, `ID-0` to `ID-9`.
 
-    Where a route leads is known once it is reset: it has no waypoints. Raises `UnknownNameError`.
+    A route has no waypoints, because its way is known only after the reset. Raises `UnknownNameError`.
     """
     wanted = names or [f"{identifier}-{number}" for number in range(ROUTES)]
     for name in wanted:
@@ -214,7 +214,7 @@ class ClassAttributes:
 
     @contextmanager
     def inside(self) -> Iterator[None]:
-        """Run the environment's code with its own values; everybody else's come back afterwards, also on an error."""
+        """Run the environment's code with its own values; restore the outer values afterwards, also on an error."""
         outside = _snapshot()
         _write(self._own)
         try:
@@ -225,16 +225,16 @@ class ClassAttributes:
 
 
 def _snapshot() -> Values:
-    """Return the plain attributes that `RoadObject` and all that descend from it define themselves."""
+    """Return by class the plain attributes that `RoadObject` and each of its subclasses define."""
     family: list[type] = [RoadObject]
-    for cls in family:  # grows while it is read
+    for cls in family:  # the list grows during the loop
         children: list[type] = cls.__subclasses__()
         family.extend(child for child in children if child not in family)
     return {cls: _plain(cls) for cls in family}
 
 
 def _plain(cls: type) -> dict[str, object]:
-    """Return what is a number, text or list: no method, property or dunder."""
+    """Return the plain values of a class: numbers, texts, lists, but no method, property or dunder."""
     values = vars(cls).items()
     return {k: v for k, v in values if not (k.startswith("__") or callable(v) or hasattr(v, "__get__"))}
 

@@ -1,4 +1,4 @@
-"""A running environment in the domain's words: its ego and what a control means to it, the actors, why it stopped."""
+"""A running environment in terms of the domain: its ego and controls, its actors, why it stopped."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ _TRUCK_M, _BICYCLE_M = 7.0, 1.0
 _BRAKING_MPS2 = -0.7
 _NO_LIGHTS = np.zeros(0, dtype=np.int64)
 _BRAKE_MPS2, _ENGINE_MPS2 = 8.0, 5.0
-"""What full pedals do: highway-env knows accelerations alone."""
+"""Accelerations of full brake and full throttle, because highway-env has no pedals."""
 _POWER_WPKG = 55.0
-"""Caps the acceleration at speed."""
+"""Power per mass, which limits the acceleration at speed."""
 _STEER_RAD, _WHEELBASE_M = 0.61, 2.85
-"""A full `steer` follows the path of wheels turned so far at such a wheelbase, whatever the car's own length."""
+"""Wheel angle of a full `steer` and wheelbase, which give the curvature of the path for a car of any length."""
 ACCELERATION_RANGE_MPS2 = (-_BRAKE_MPS2, _ENGINE_MPS2)
 STEERING_RANGE_RAD = (-0.9, 0.9)
-"""A full turn of the wheel needs 0.887 rad of highway-env's car, whose wheelbase is its length of 5 m."""
+"""Range of steering angles; a full `steer` needs 0.887 rad on highway-env's car, with its wheelbase of 5 m."""
 
 
 class LiveRoad:
-    """One episode of an environment that was just reset. `index` names the lanes of `lane_map` by highway-env's keys.
+    """One episode of an environment that was just reset. `index` maps highway-env's keys to lanes of `lane_map`.
 
-    `ended` tells whether the environment stopped, `speed_before_mps` how fast the ego was one tick ago: an impact takes
-    effect within the tick in which it is found.
+    `ended` tells whether the environment stopped. `speed_before_mps` is the ego's speed one tick ago, because an impact
+    changes the speed within the tick in which it is found.
     """
 
     def __init__(self, env: gymnasium.Env[Any, Any], lane_map: LaneMap, index: dict[Any, int], *, dt_s: float) -> None:
@@ -44,7 +44,7 @@ class LiveRoad:
         self._lane_map = lane_map
         self._index = index
         self._dt_s = dt_s
-        self._numbers: dict[int, tuple[int, Any]] = {}  # by id(); the object is kept so that its id is not used again
+        self._numbers: dict[int, tuple[int, Any]] = {}  # by id(); keeps the object, so that its id stays unique
         self.tick = 0
         self.ended = False
         self.speed_before_mps = float(self.ego.speed)
@@ -52,7 +52,7 @@ class LiveRoad:
 
     @property
     def ego(self) -> Any:
-        """highway-env's vehicle that the agent drives."""
+        """The highway-env vehicle that the agent drives."""
         return self._inner.vehicle
 
     @property
@@ -67,7 +67,7 @@ class LiveRoad:
         wanted = acceleration_and_steering(control, speed_mps=before, length_m=float(ego.LENGTH), dt_s=self._dt_s)
         _, _, terminated, truncated, _ = self._env.step(action_of(*wanted, self._inner.action_type))
         ego = self.ego
-        if ego.speed < 0.0:  # rounding at rest, or a crash that throws the car back
+        if ego.speed < 0.0:  # from rounding at rest, or from a crash that throws the car back
             ego.speed = 0.0
         yaw_rate = math.remainder(float(ego.heading) - heading, 2.0 * math.pi) / self._dt_s
         self._accelerations = ((float(ego.speed) - before) / self._dt_s, float(ego.speed) * yaw_rate, yaw_rate)
@@ -100,7 +100,7 @@ class LiveRoad:
         return [vehicle for vehicle in road.vehicles if vehicle is not ego] + solid
 
     def whom_it_hit(self) -> Any | None:
-        """Return the body that the crashed ego touches: the nearest that crashed too, None when nobody else did."""
+        """Return the body that the crashed ego touches: the nearest other crashed body, or None."""
         ego = self.ego
         crashed = [other for other in self.others() if other.crashed]
         return min(
@@ -132,7 +132,7 @@ class LiveRoad:
 
 
 def kind_of(body: Any) -> ActorKind:
-    """Return what a body of the road looks like here, by its class and size."""
+    """Return the actor kind of a body of the road, by its class and size."""
     if not hasattr(body, "act"):
         return ActorKind.BARRIER
     if float(body.LENGTH) >= _TRUCK_M:
@@ -143,8 +143,8 @@ def kind_of(body: Any) -> ActorKind:
 class EgoVehicle(Vehicle):  # type: ignore[misc]
     """The ego as environments make it, with a memory for its destination and without copies of the world.
 
-    Environments call `plan_route_to` on every ego and ignore that a plain `Vehicle` has no such method; their answer
-    to "where shall the ego go?" is what a route needs.
+    Environments call `plan_route_to` on every ego and ignore that a plain `Vehicle` has no such method. The destination
+    in this call is the end of the route.
 
     highway-env's `predict_trajectory_constant_speed` deep-copies the vehicle and with it the road and all cars, twice
     a second for every pair: a fifth of the time of an intersection. Ours gives the same numbers.
@@ -177,7 +177,7 @@ class EgoAction(ContinuousAction):  # type: ignore[misc]
 
     @property
     def vehicle_class(self) -> type[EgoVehicle]:
-        """Whom environments put on the road as the ego."""
+        """The class of the vehicle that environments put on the road as the ego."""
         return EgoVehicle
 
 

@@ -1,4 +1,4 @@
-"""A `LaneMap` out of a live highway-env road network: what cameras draw and privileged agents read."""
+"""Read a `LaneMap` from a live highway-env road network, for cameras and privileged agents."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LaneKey = tuple[Any, Any, int]
 """highway-env's name of a lane: from node, to node, number."""
 
 DEFAULT_LIMIT_MPS = 15.0
-"""For lanes without a speed limit."""
+"""Speed limit of lanes without a limit."""
 _LINES = {0: "none", 1: "striped", 2: "solid", 3: "solid"}
 _LONG_M = 1500.0
 _SEEN_BEHIND_M, _SEEN_AHEAD_M = 300.0, 500.0
@@ -62,7 +62,7 @@ def read_map(network: RoadNetwork, around: Floats, *, name: str) -> tuple[LaneMa
 
 
 def junction_keys(network: RoadNetwork) -> frozenset[LaneKey]:
-    """Return the lanes in junctions, which highway-env does not mark: from where ways part to where ways meet."""
+    """Return the lanes in junctions, from where ways part to where ways meet; highway-env does not mark junctions."""
     entering: dict[Any, int] = {}
     for ends in network.graph.values():
         for node in ends:
@@ -80,7 +80,7 @@ def sample(lane: AbstractLane, start_m: float, end_m: float) -> Floats:
 
 
 def _seen(lane: AbstractLane, around: Floats) -> tuple[float, float]:
-    """Return from where to where a lane is drawn."""
+    """Return the (start, end) of the drawn part of a lane, in metres along the lane."""
     length = float(lane.length)
     if length <= _LONG_M:
         return 0.0, length
@@ -98,7 +98,7 @@ def _joins(lane: AbstractLane, after: AbstractLane) -> bool:
 def _neighbours(
     lane: AbstractLane, centre: Floats, others: dict[int, AbstractLane]
 ) -> tuple[tuple[int, bool], tuple[int, bool]]:
-    """Return (left, right), each (index or -1, leads the same way): the lanes that touch this one half way along it."""
+    """Return (left, right), each (index or -1, leads the same way): the lanes that touch `lane` at its middle."""
     x, y, heading = centre[len(centre) // 2]
     width = float(lane.width_at(0.0))
     best = {"left": (math.inf, _NO_NEIGHBOUR), "right": (math.inf, _NO_NEIGHBOUR)}

@@ -1,4 +1,4 @@
-"""Where the ego of an environment is to go: its lanes, one row a metre with the command of each, the sparse plan."""
+"""The route of an environment's ego: its lanes, one row per metre with a command each, and the sparse plan."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _JOIN_M, _JOIN_COS = 6.0, 0.5
 
 @dataclass(frozen=True, slots=True)
 class RouteLine:
-    """`rows` is (n, 4): x, y, yaw, speed limit; `s` (n,) the distance; `keys` and `commands` belong to each row."""
+    """A route by rows: `rows` (n, 4) x, y, yaw, speed limit; `s` (n,) metres along it; `keys`, `commands` per row."""
 
     rows: Floats
     s: Floats
@@ -74,7 +74,7 @@ def draw_line(network: RoadNetwork, itinerary: Itinerary, start: Floats, junctio
 
 
 def _roads(lanes: tuple[LaneKey, ...]) -> list[tuple[int, int]]:
-    """Return (begin, end) of each run of lanes of the same road: within a run the ego changes lanes."""
+    """Return (begin, end) of each run of lanes of one road; within a run the ego changes lanes."""
     bounds = [0, *(k for k, (one, other) in enumerate(pairwise(lanes), 1) if one[:2] != other[:2]), len(lanes)]
     return list(pairwise(bounds))
 
@@ -82,7 +82,7 @@ def _roads(lanes: tuple[LaneKey, ...]) -> list[tuple[int, int]]:
 def _along_road(
     network: RoadNetwork, lanes: tuple[LaneKey, ...], span: tuple[float, float], junctions: frozenset[LaneKey]
 ) -> list[_Piece]:
-    """Return one road from `span[0]` to `span[1]`: along its lane, or from lane to lane in equal steps."""
+    """Return the pieces of one road from `span[0]` to `span[1]`: along a lane, or with equally spaced lane changes."""
     if len(lanes) == 1:
         points = sample(network.get_lane(lanes[0]), *span)
         return [_Piece(points, lanes[0], _command(points, lanes[0] in junctions))]
@@ -131,9 +131,9 @@ def _joined(network: RoadNetwork, pieces: list[_Piece]) -> RouteLine:
 
 @dataclass(frozen=True)
 class Itinerary:
-    """Lanes in the order of driving. The route ends `end_m` along the last one.
+    """Lanes in driving order; the route ends `end_m` along the last lane.
 
-    A step from one lane to another of the same road (equal nodes) is a lane change.
+    A step from one lane to another lane of the same road (equal nodes) is a lane change.
     """
 
     lanes: tuple[LaneKey, ...]
@@ -141,11 +141,12 @@ class Itinerary:
 
 
 def itinerary_of(env: Any) -> Itinerary:
-    """Return the way of the ego of a freshly reset `env` (unwrapped).
+    """Return the lanes for the ego of a freshly reset `env` (unwrapped).
 
-    To the destination that the environment planned for its ego, or its exit; without one straight on, along the lanes:
-    to the end of the road, once around a closed track, or half as far as the speed limit allows in the environment's
-    own duration (40 s without one). Raises `SimulationError` when the destination cannot be reached.
+    The ego drives to the destination that the environment planned, or to its exit. Without a destination, the ego
+    drives straight on along the lanes: to the end of the road, once around a closed track, or half as far as the speed
+    limit allows in the environment's own duration (40 s without a duration). Raises `SimulationError` when the
+    destination cannot be reached.
     """
     network, start = env.road.network, env.vehicle.lane_index
     if isinstance(env, ExitEnv):
@@ -166,7 +167,7 @@ def itinerary_of(env: Any) -> Itinerary:
 
 
 def _through(network: RoadNetwork, start: LaneKey, destination: str) -> tuple[LaneKey, ...]:
-    """Return the shortest way by nodes, as highway-env plans it for its own vehicles."""
+    """Return the lanes of the shortest way by nodes, which highway-env plans for its own vehicles."""
     nodes = network.shortest_path(start[1], destination)
     if not nodes:
         raise SimulationError(f"the environment sends its ego from {start} to node {destination!r}: there is no way.")
@@ -192,7 +193,7 @@ def _straight_on(network: RoadNetwork, start: LaneKey, length_m: float) -> tuple
 
 
 def _bounded(network: RoadNetwork, env: Any, lanes: tuple[LaneKey, ...], length_m: float) -> Itinerary:
-    """Return the part of `lanes` that is at most `length_m` long from the ego on, or once around."""
+    """Return the first `length_m` metres of `lanes` from the ego on, or one round of a closed track."""
     left = length_m + float(network.get_lane(lanes[0]).local_coordinates(env.vehicle.position)[0])
     around = len(lanes) > 1 and lanes[-1][:2] == lanes[0][:2]
     for k, key in enumerate(lanes):
@@ -207,14 +208,14 @@ def _bounded(network: RoadNetwork, env: Any, lanes: tuple[LaneKey, ...], length_
 
 
 def _number_on(network: RoadNetwork, key: LaneKey, node: Any) -> int:
-    """Return the number of the lane from `key` towards `node`: the same if there are as many, else the nearest."""
+    """Return the number of the lane from `key` towards `node`: the same number if the roads match, else the nearest."""
     lane = network.get_lane(key)
     end = lane.position(lane.length, 0.0)
     return int(network.next_lane_given_next_road(*key, node, None, end)[0])
 
 
 def _turn(network: RoadNetwork, key: LaneKey, after: LaneKey) -> float | None:
-    """Return how much the way bends from the begin of `key` to the end of `after`; None when they do not join."""
+    """Return the turn from the end of `key` to the end of `after` [rad], or None when the lanes do not join."""
     lane, other = network.get_lane(key), network.get_lane(after)
     gap = math.hypot(*(other.position(0.0, 0.0) - lane.position(lane.length, 0.0)))
     heading = float(lane.heading_at(lane.length))
@@ -225,7 +226,7 @@ def _turn(network: RoadNetwork, key: LaneKey, after: LaneKey) -> float | None:
 
 
 def _to_the_exit(env: ExitEnv, start: LaneKey) -> Itinerary:
-    """Lead over all lanes to the outermost one, then off the motorway; `ExitEnv` asks for it and plans nothing."""
+    """Return the lanes over the outermost lane to the exit; `ExitEnv` demands this way but does not plan it."""
     last = int(env.config["lanes_count"])
     changes = tuple((start[0], start[1], number) for number in range(int(start[2]), last))
     exit_lane = ("2", "exit", 0)

@@ -26,7 +26,7 @@ from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_
 
 @dataclass
 class _Episode:
-    """What belongs to one route and seed."""
+    """The state of one episode: of one route and seed."""
 
     road: LiveRoad
     line: RouteLine
@@ -39,10 +39,10 @@ class _Episode:
 class GymnasiumSimulator:
     """One environment, driven at 20 Hz with our sensors and criteria.
 
-    A route of it is `ID-NUMBER`: the environment reset with the seed `NUMBER + 100000 * the episode's seed`. The way is
-    the one that the environment plans for its ego, or straight on (`itinerary_of`). Its `duration` is lifted; what else
-    ends it (a crash, leaving the road) ends the episode. Raises `UnknownNameError` for an id that nobody registered and
-    `UsageError` for one that we cannot drive, both with what can be driven.
+    Route `ID-NUMBER` is the environment reset with the seed `NUMBER + 100000 * the episode's seed`. The ego's way is
+    planned by the environment, or goes straight on (`itinerary_of`). The environment's `duration` is lifted; its other
+    ends (a crash, leaving the road) end the episode. Raises `UnknownNameError` for an unregistered id and `UsageError`
+    for an environment that we cannot drive; both messages list the drivable environments.
     """
 
     version = "2"
@@ -56,7 +56,7 @@ class GymnasiumSimulator:
         self._classes = environments.ClassAttributes()
         self._env: environments.Environment | None = None
         self._episode: _Episode | None = None
-        if self._spec.id not in environments.WORKING:  # a stranger's: tell now whether it can be driven
+        if self._spec.id not in environments.WORKING:  # unknown to us: fail now if it cannot be driven
             with self._classes.inside():
                 self._env = environments.make_environment(self._spec, name=self.name)
 
@@ -68,11 +68,11 @@ class GymnasiumSimulator:
         return self._env
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
-        """Return the routes of those names, without names `intersection-v1-0` to `-9`. Raises `UnknownNameError`."""
+        """Return the routes of the given names; without names `ID-0` to `ID-9`. Raises `UnknownNameError`."""
         return environments.routes_of(self.name, self._spec.id, names)
 
     def check_route(self, route: Route) -> None:
-        """Raise `RouteError` for a route that is none of this environment's."""
+        """Raise `RouteError` for a route of another world."""
         self._reset_seed(route, 0)
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
@@ -127,13 +127,13 @@ class GymnasiumSimulator:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The module that brings the environment, and the one that registers it, which says what it is made with."""
+        """The module of the environment, and the module that registers it with its arguments."""
         maker = self._spec.entry_point
         brings = maker.partition(":")[0] if isinstance(maker, str) else str(maker.__module__)
         return tuple(dict.fromkeys(filter(None, (brings, self._registered_by))))
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the backend and of the libraries that compute; sensors are those of our own world."""
+        """Return the versions of the simulator and of the libraries that compute; the sensors are our own world's."""
         import highway_env
 
         return {

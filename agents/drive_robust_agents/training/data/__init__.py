@@ -1,1 +1,1 @@
-"""From drives of the expert to a data set on disk: episodes, samples, labels, rows of arrays, shards."""
+"""Make data sets on disk from drives of the expert: episodes, samples, labels, rows of arrays, shards."""

@@ -1,11 +1,11 @@
-"""DAgger (Ross et al. 2011): the learner drives, the expert says what it should have done.
+"""DAgger (Ross et al. 2011): the learner drives, and the expert labels the visited moments.
 
-Agent and expert take turns of 1 to 3 s. The expert watches all the time, so that it knows what has happened when it is
-asked: a fork of it drives on from every moment that is kept, and that drive is the label.
+Agent and expert take turns of 1 to 3 s. The expert watches all the time, so that its memory is complete when a fork of
+the expert drives on from each kept moment; this drive is the label.
 
-With settings the learner drives under deployment failures, and comes to where they lead it. What is kept is the moment
-as it is, but for the targets: the planners follow the positions that were told. What else was told wrongly is for the
-training to draw anew (`failures`).
+With settings the learner drives under deployment failures and visits the states to which these lead. A sample holds the
+true moment, except for the targets: the planners follow the perturbed positions. The training draws all other
+perturbations of the inputs anew (`failures`).
 """
 
 from __future__ import annotations
@@ -32,16 +32,17 @@ __all__ = ["Mixture", "agent_of", "agent_turns", "drive_mixture", "weights_diges
 
 _TURN_TICKS = (20, 60)
 _STUCK_S = 15.0
-"""Nothing new is learnt from a learner that has stood so long."""
+"""Seconds of standing after which an episode ends, because a stuck learner shows nothing new."""
 
 
 @dataclass(frozen=True, slots=True)
 class Mixture:
-    """Who drives: an agent by name or reference, or by a weights file, and the expert for a share `beta` of the time.
+    """The drivers of a DAgger episode: an agent, by name, reference or weights file, and the expert.
 
-    `agent` is the learned agent that the data is for; its class reads the weights. Any other agent may drive, too.
-    `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one for the agent, none means clean.
-    Behind a weights file stand options of its agent, as in `"tcp.safetensors+tuning=published"`.
+    The expert drives a share `beta` of the time. `agent` is the learned agent that the data is for; its class reads the
+    weights. Any other agent may drive, too. `settings` are sentences such as `"GPS noise 15 m"`: each episode draws one
+    sentence for the agent; empty means clean. Options may follow a weights file, as in
+    `"tcp.safetensors+tuning=published"`.
     """
 
     agent: str
@@ -55,7 +56,7 @@ class Mixture:
 
 
 def agent_of(mixture: Mixture) -> Agent:
-    """Return a new agent. Raises `UsageError` where it does not load."""
+    """Return a new agent of the mixture. Raises `UsageError` when the agent does not load."""
     driver, options = file_and_options(mixture.driver)
     if driver.endswith(WEIGHTS_SUFFIX):
         file = Path(driver)
@@ -66,10 +67,10 @@ def agent_of(mixture: Mixture) -> Agent:
 
 
 def weights_digest(mixture: Mixture) -> str | None:
-    """Return the SHA-256 of the weights that drive, or None for an agent by name.
+    """Return the SHA-256 of the driving weights, or None for an agent by name.
 
-    A file may become another one under the same path, and its version may change while its content does not. Raises
-    `UsageError` for a file without a manifest.
+    Neither path nor version identifies weights: a path may get another file, and a version may change while the content
+    does not. Raises `UsageError` for a file without a manifest.
     """
     driver, _ = file_and_options(mixture.driver)
     return locate(mixture.agent, driver)[1].sha256 if driver.endswith(WEIGHTS_SUFFIX) else None

@@ -1,4 +1,4 @@
-"""Random numbers that depend on the names of a draw and on nothing else: not on workers, order or process."""
+"""Random numbers that depend only on the names of a draw, not on workers, order or process."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["draws"]
 
 
 def draws(*names: object) -> np.random.Generator:
-    """Return a generator named by (data seed, route, what it is for, ...); the same names give the same numbers."""
+    """Return a generator named by (data seed, route, purpose, ...); equal names give equal numbers."""
     text = "\x1f".join(str(name) for name in names).encode()
     key = np.frombuffer(hashlib.blake2b(text, digest_size=16).digest(), dtype=np.uint64)
     return np.random.Generator(np.random.Philox(key=key))

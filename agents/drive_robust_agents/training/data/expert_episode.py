@@ -24,10 +24,10 @@ TICK_CAP, STUCK_S = 4000, 40.0
 
 @dataclass(frozen=True, slots=True)
 class Teacher:
-    """How the expert drives that somebody learns from: what it leaves to others, how long it stands (`Expert`).
+    """The options of the expert as a teacher: its room for others, its time at stop signs (`Expert`).
 
-    It goes through gaps and halts at signs with nothing to spare, because it knows where everybody is. Who sees the
-    world by a camera, and has no memory, cannot tell such a halt from driving on.
+    By default the expert uses gaps and stops at signs without any margin, because it knows the places of all actors. An
+    agent with a camera and without memory cannot tell such a short stop from driving on.
     """
 
     room_s: float = 0.0
@@ -39,14 +39,14 @@ class Teacher:
 
 
 SHIPPED = Teacher()
-"""The expert as it stands in every table."""
+"""The default expert, the one in every table."""
 
 
 @dataclass(slots=True)
 class ExpertEpisode:
     """An episode under way: the world, the expert that watches or drives it, and the two route planners.
 
-    `told` is where the planners think that the ego is; None means where it really is.
+    `told` is the ego's position as given to the planners; None gives the true position.
     """
 
     simulator: EmbeddedSimulator
@@ -79,11 +79,11 @@ class ExpertEpisode:
 
     @property
     def over(self) -> bool:
-        """Whether the episode has ended or somebody has broken a rule."""
+        """Whether the episode has ended or a rule was broken."""
         return self.simulator.done is not None or faults(self.simulator) > 0
 
     def targets(self) -> tuple[Target, Target]:
-        """Ask the planners for their targets here; they drop what is reached, as in every tick."""
+        """Return the planners' targets here; the planners drop reached points, as in every tick."""
         at = self.told or self.simulator.state.ego
         return self.planners[0].step(at.x_m, at.y_m), self.planners[1].step(at.x_m, at.y_m)
 
@@ -92,23 +92,23 @@ class ExpertEpisode:
         return self.expert.act(seen_by_expert(self.simulator))
 
     def here(self, targets: tuple[Target, Target]) -> ExpertMoment:
-        """Return this moment; the expert has acted in it."""
+        """Return this moment, in which the expert has acted."""
         return ExpertMoment(self.simulator.truth(), self.expert.intent(), targets, self.night)
 
     def step(self, recorded: Control, applied: Control) -> None:
-        """Drive on, and note the moment that is left behind."""
+        """Advance by one tick with the control `applied`, and record the past moment with `recorded`."""
         self.states.append(self.simulator.state)
         self.controls.append(recorded)
         self.simulator.step(applied)
 
 
 def seen_by_expert(simulator: EmbeddedSimulator) -> Observation:
-    """Return what the expert acts on; nothing is drawn for it."""
+    """Return the observation for the expert, without drawing pictures."""
     return sensed(simulator.state, cameras={}, truth=simulator.truth())
 
 
 def faults(simulator: EmbeddedSimulator, *, lanes: bool = True) -> int:
-    """Return how many rules were broken so far; `lanes`: leaving the lanes of the route counts as one."""
+    """Return the number of broken rules so far; with `lanes`, leaving the lanes of the route counts as one."""
     state = simulator.world.state
     outside = lanes and state.criteria[c.C_OUTSIDE_M] > 0.0
     return state.infractions() + int(outside)

@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.truth import ActorKind, LightState, WorldState
 __all__ = ["FACTS", "NO_LIGHT", "fact_labels"]
 
 FACTS = (
-    "light",  # what the next stop line says: -1 there is none, 0 green, 1 yellow, 2 red, 3 stop sign not yet honoured
+    "light",  # state of the next stop line: -1 none, 0 green, 1 yellow, 2 red, 3 stop sign without a stop yet
     "light_m",  # metres from the front bumper to that line (100: none)
     "lead_m",  # metres to the vehicle ahead in the way, bumper to bumper (100: none)
     "lead_mps",  # its speed along the way
@@ -24,12 +24,12 @@ FACTS = (
     "junction_m",  # metres from the front bumper to the next junction, 0 within one (100: none)
     "lane_width_m",
     "lane_left",  # 1 where a lane on the left leads the same way
-    "lane_right",  # 1 where a lane on the right does
+    "lane_right",  # 1 where a lane on the right leads the same way
     "limit_mps",  # the speed limit here
     "night",  # 1 when the sun is down
     "wish_mps2",  # the acceleration that the expert chose
-    "passing",  # 1 while it is on its way around something or out of the way of a siren
-    "waiting",  # 1 while it waits for a gap: to leave a parking space, to change lanes, to pass something
+    "passing",  # 1 while the ego passes an obstacle or moves out of the way of a siren
+    "waiting",  # 1 while the ego waits for a gap: to leave a parking space, to change lanes, to pass an obstacle
     "siren",  # 1 while an emergency vehicle with its siren on drives behind, within 70 m
 )
 """The columns of `facts`."""
@@ -72,7 +72,7 @@ def fact_labels(here: ExpertMoment) -> NDArray[np.float32]:
 
 
 def _light(here: ExpertMoment) -> tuple[float, float]:
-    """Return (state, metres) of the next stop line on the route that still means something."""
+    """Return (state, metres) of the next stop line on the route that still counts."""
     intent, now = here.intent, here.truth.state
     front = intent.row + 0.5 * here.ego.length_m
     for index, at in sorted(intent.scene.stops, key=lambda stop: stop[1]):

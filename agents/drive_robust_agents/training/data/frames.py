@@ -1,6 +1,6 @@
 """The data set on disk: shards of plain `.npy` arrays, written whole or not at all, read without copying.
 
-A folder holds `collect.json` (what was asked for) and `shard-00012/` with one file for each array and `done.json`
+A folder holds `collect.json` (the collection) and `shard-00012/` with one file for each array and `done.json`
 (rows, routes, SHA-256 of the content). A shard is written under another name and renamed when it is complete. Arrays
 are rows of samples:
 
@@ -67,7 +67,7 @@ def shard_numbers(folder: Path) -> list[int]:
 
 
 def write_shard(folder: Path, number: int, rows: Sequence[Mapping[str, NDArray[Any]]], about: Mapping[str, Any]) -> int:
-    """Write a shard and say how many bytes it has; what a broken run left of it is thrown away first.
+    """Write a shard and return its size in bytes; remains of an interrupted run are deleted first.
 
     A shard without rows holds no arrays. `about` goes into `done.json`.
     """
@@ -89,7 +89,7 @@ def write_shard(folder: Path, number: int, rows: Sequence[Mapping[str, NDArray[A
 
 
 def read_done(folder: Path, number: int) -> dict[str, Any] | None:
-    """Return what `done.json` of a shard says, or None when the shard is not complete."""
+    """Return the content of a shard's `done.json`, or None when the shard is incomplete."""
     file = folder / shard_name(number) / DONE
     if not file.is_file():
         return None
@@ -100,9 +100,8 @@ def read_done(folder: Path, number: int) -> dict[str, Any] | None:
 class Frames:
     """All complete shards of one or more folders as one table, in the order of folders and shards.
 
-    Nothing is read before it is asked for. `episode` numbers of the second folder go on from 10,000,000, so that an
-    episode of one folder is never one of another. Raises `UsageError` for folders without shards, or with shards whose
-    arrays differ.
+    Arrays are read on demand. `episode` numbers of the second folder start at 10,000,000, so that no two folders share
+    an episode number. Raises `UsageError` for folders without shards, or with shards whose arrays differ.
     """
 
     def __init__(self, *folders: Path | str) -> None:
@@ -130,7 +129,7 @@ class Frames:
         return int(self._starts[-1])
 
     def column(self, name: str) -> NDArray[Any]:
-        """Return one array of all rows, copied: for small ones. Raises `UnknownNameError`."""
+        """Return a copy of one array of all rows; meant for small arrays. Raises `UnknownNameError`."""
         column = np.concatenate([self._map(k, name) for k in range(len(self._shards))])
         if name == "episode":
             places = np.repeat([place for place, _ in self._shards], np.diff(self._starts))
@@ -138,7 +137,7 @@ class Frames:
         return column
 
     def arrays(self, names: Sequence[str], rows: Ints) -> dict[str, NDArray[Any]]:
-        """Return the rows of these numbers (in any order, also twice) of some arrays. Raises `UnknownNameError`."""
+        """Return some arrays at the given rows, in any order and with repetition. Raises `UnknownNameError`."""
         rows = np.asarray(rows, dtype=np.int64)
         shards = np.searchsorted(self._starts, rows, side="right") - 1
         found = {}
@@ -154,7 +153,7 @@ class Frames:
         return found
 
     def split(self, share: float = 0.05) -> tuple[Ints, Ints]:
-        """Return (training rows, validation rows): whole episodes, always the same; about `share` validate."""
+        """Return (training rows, validation rows): a fixed split by whole episodes, about `share` for validation."""
         episodes = self.column("episode")
         numbers = np.unique(episodes)
         text = [hashlib.blake2b(f"split {number}".encode(), digest_size=8).digest() for number in numbers]

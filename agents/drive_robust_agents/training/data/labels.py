@@ -1,7 +1,7 @@
-"""Labels of one moment: where the expert drives from here, and what it does and sees.
+"""Labels of one moment: the expert's future way, its controls and its surroundings.
 
 All points are in the ego frame of the moment: x forward, y right, metres; yaw clockwise. Perception (boxes, map
-vectors) is in `perception`, what sentences are made of in `facts`.
+vectors) is in `perception`, the facts for sentences in `facts`.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ BRANCH_TICKS = FUTURE_TICKS[-1]
 CONTROL_TICKS = (0, 10, 20, 30, 40)
 PATH_POINTS = 24
 LOOK_M = 100.0
-"""Whatever is farther ahead than this is left out."""
+"""Range ahead; farther things are left out."""
 _BODY = [WorldState.X, WorldState.Y, WorldState.YAW, WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH]
 
 
 @dataclass(frozen=True, slots=True)
 class ExpertMoment:
-    """A moment: the world, what the expert means to do in it, and the targets of the planners (4 m, 7.5 m)."""
+    """A moment: the world, the expert's intent, and the targets of the planners (4 m, 7.5 m)."""
 
     truth: GroundTruth
     intent: Intent
@@ -63,7 +63,7 @@ def to_ego(ego: EgoState, points: Floats) -> Floats:
 
 
 def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
-    """Return what is known without the future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
+    """Return the labels that need no future: `speed`, `imu`, `pose`, `command`, `target`, `path`, `gap`."""
     ego = here.ego
     targets = [target.seen_from(ego.x_m, ego.y_m, ego.yaw_rad) for target in here.targets]
     gap_m, gap_mps = gap_ahead(here)
@@ -81,8 +81,8 @@ def way_labels(here: ExpertMoment) -> dict[str, NDArray[Any]]:
 def motion_labels(states: Sequence[WorldState], controls: Sequence[Control]) -> dict[str, NDArray[Any]]:
     """Return `future`, `future_ok` and `controls` of a drive that begins with the moment.
 
-    `states` holds one state of the world a tick; `controls` holds what the expert answered to each but perhaps the
-    last. A drive shorter than 3 s goes on at its last speed and curvature, and `future_ok` is false there.
+    `states` holds one state of the world per tick; `controls` holds the expert's control for each state, maybe without
+    the last. A drive shorter than 3 s is extrapolated at its last speed and curvature, with `future_ok` False.
     """
     ego = states[0].ego
     poses, ok = np.empty((len(FUTURE_TICKS), 4)), np.zeros(len(FUTURE_TICKS), dtype=bool)
@@ -115,8 +115,8 @@ def path_ahead(ego: EgoState, line: Floats, row: float) -> Floats:
 def gap_ahead(here: ExpertMoment) -> tuple[float, float]:
     """Return (metres from the front bumper, speed along the way) of the nearest thing on the expert's way.
 
-    That is somebody in its corridor, or the place where it has to wait. With nothing within 100 m: 100 and the ego's
-    own speed.
+    Things are bodies in the expert's corridor and the place where it has to wait. Without a thing within 100 m, return
+    100 and the ego's own speed.
     """
     intent, ego = here.intent, here.ego
     solid = here.truth.state.actors[here.truth.state.actors[:, WorldState.KIND] != ActorKind.DIRT]
@@ -136,7 +136,7 @@ def body_ahead(here: ExpertMoment, actors: Floats) -> tuple[float, float]:
 
 
 def _goes_on(ego: EgoState, seconds: float) -> EgoState:
-    """Return the ego later, at its speed and on its curvature."""
+    """Return the ego `seconds` later, with constant speed and curvature."""
     turn = ego.yaw_rate_radps * seconds
     half = 0.5 * turn
     chord = ego.speed_mps * seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)

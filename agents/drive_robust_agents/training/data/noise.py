@@ -1,4 +1,4 @@
-"""Bursts of steering noise: the expert is pushed off its way and shows how it comes back."""
+"""Bursts of steering noise, which push the expert off its way, so that it shows how to come back."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pytest_drive_robust.jit.arrays import Floats
 __all__ = ["NOISY_SHARE", "burst_plan", "burst_steer"]
 
 NOISY_SHARE = 0.4
-"""The share of episodes that have bursts."""
+"""Share of episodes with bursts."""
 _WHEEL_RAD = 0.12 * (mkz.WHEELBASE_M / plain_car.WHEELBASE_M)
-"""What turns the car as much as 0.12 rad turn a plain one."""
+"""Wheel angle that turns the car as much as 0.12 rad turn a plain car."""
 _LATERAL_MPS2 = 3.0
 _TICKS, _PAUSE_TICKS = (10, 20), (40, 160)
 
@@ -34,6 +34,6 @@ def burst_plan(rng: np.random.Generator, ticks: int) -> Floats:
 
 
 def burst_steer(strength: float, speed_mps: float) -> float:
-    """Return what to add to the steering (-1..1): as much as 0.12 rad turn a plain car, and at speed up to 3 m/s2."""
+    """Return the noise to add to the steering (-1..1): `strength` * 0.12 rad of a plain car, at speed up to 3 m/s2."""
     most = min(_WHEEL_RAD, _LATERAL_MPS2 * mkz.WHEELBASE_M / max(speed_mps, 1.0) ** 2)
     return strength * most / mkz.STEER_MAX_RAD

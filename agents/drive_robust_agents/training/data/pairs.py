@@ -1,4 +1,4 @@
-"""Which frame shows the same drive half a second before: what a network with a memory is trained on."""
+"""Find for each frame the frame of the same drive 0.5 s earlier, to train networks with a memory."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ _DRIVEN = (0, 3)
 
 
 def earlier_rows(episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any], *, lag_ticks: int = 10) -> Ints:
-    """Return for each of n frames the row of one `lag_ticks` before it in the same episode, or -1.
+    """Return (n,) for each frame the row of the frame `lag_ticks` earlier in its episode, or -1.
 
-    All three are (n,). Only what was really driven (source 0 or 3) can be remembered. A frame from a shifted pose
-    remembers the way that it was shifted from: its pose is known, so the memory can be moved to fit; but what it is
-    told about its own motion must not be the difference of the two poses, which would give the shift away.
+    All arguments are (n,). Only driven frames (source 0 or 3) can be remembered. A frame from a shifted pose remembers
+    the drive from which it was shifted: its pose is known, so the memory can be moved to fit. The input of the frame's
+    own motion must not be the difference of both poses, which would reveal the shift.
     """
     drives = (episode.astype(np.int64) << 24) + tick.astype(np.int64)
     driven = np.flatnonzero(np.isin(source, _DRIVEN))

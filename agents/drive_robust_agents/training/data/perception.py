@@ -1,4 +1,4 @@
-"""Labels of perception: boxes of the actors that a camera can see, where they go, and the lines of the map."""
+"""Labels of perception: boxes and future places of the actors that a camera sees, and the lines of the map."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ ROUTE, LANE, STRIPED, SOLID, STOP, CROSSWALK = range(6)
 _AHEAD_M, _BEHIND_M, _ASIDE_M = 64.0, 24.0, 32.0
 _LANES_BEHIND_M = 16.0
 _FASTEST_M = 20.0
-"""No actor gets farther than this in half a second: beyond, it is another one with the same number."""
+"""Greatest motion of an actor in 0.5 s; beyond, the number belongs to another actor."""
 _SHORTEST_M = 3.0
 _BEND_M_PER_RAD = 15.0
-"""A bend of one radian gets as many points as so many metres of straight line."""
+"""Metres of straight line that get as many points as a bend of one radian."""
 _ROUTE_ROWS = (30, 110)
 
 
@@ -54,7 +54,7 @@ def box_labels(states: Sequence[WorldState], seen: Collection[int]) -> dict[str,
 
 
 def _track(states: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
-    """Return (6, 2): the places of one actor after 0.5 ... 3 s; NaN once it is gone."""
+    """Return (6, 2): the places of one actor after 0.5 ... 3 s; NaN after it has disappeared."""
     found = np.full((len(BOX_TICKS), 2), np.nan)
     last: Floats | None = None
     for k, tick in enumerate((0, *BOX_TICKS)):
@@ -73,7 +73,7 @@ def _track(states: Sequence[WorldState], number: int, ego: EgoState) -> Floats:
 
 
 class MapLines:
-    """The lines of a map as pieces of polyline with a kind each, cut to what is near the ego."""
+    """The lines of a map as pieces of polyline with a kind each, cut to the ego's surroundings."""
 
     def __init__(self, lane_map: LaneMap) -> None:
         self._lines: list[tuple[int, Floats]] = []
@@ -129,7 +129,7 @@ def _middle(corners: Floats) -> Floats:
 
 
 def _beside(centre: Floats, right_m: float) -> Floats:
-    """Return the line that runs so many metres to the right of (n, 3) x, y, yaw."""
+    """Return the line `right_m` metres to the right of a line (n, 3) x, y, yaw."""
     return np.column_stack(
         [centre[:, 0] - right_m * np.sin(centre[:, 2]), centre[:, 1] + right_m * np.cos(centre[:, 2])]
     )
@@ -138,7 +138,7 @@ def _beside(centre: Floats, right_m: float) -> Floats:
 def _cut(
     lines: Sequence[tuple[int, Floats]], ego: EgoState, *, shortest_m: float = _SHORTEST_M
 ) -> list[tuple[int, Floats]]:
-    """Return the pieces within the window, each as 6 points in the ego frame; too short ones are left out."""
+    """Return the pieces within the window, each as 6 points in the ego frame, without pieces below `shortest_m`."""
     found = []
     for kind, line in lines:
         points = to_ego(ego, line)
@@ -152,7 +152,7 @@ def _cut(
 
 
 def _six(line: Floats) -> Floats:
-    """Return six points along a line, closer to each other where it bends."""
+    """Return six points along a line, closer together in bends."""
     steps = np.diff(line, axis=0)
     turns = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0])), prepend=np.nan))
     weights = np.hypot(*steps.T) + _BEND_M_PER_RAD * np.nan_to_num(turns)
@@ -162,7 +162,7 @@ def _six(line: Floats) -> Floats:
 
 
 def _nearest(pieces: list[tuple[int, Floats]]) -> list[tuple[int, Floats]]:
-    """Sort the nearest to the ego first."""
+    """Return the pieces sorted by distance from the ego."""
     return sorted(pieces, key=lambda piece: _distance(piece[1]))
 
 

@@ -1,4 +1,4 @@
-"""Write shards in several processes, in whatever order they are ready."""
+"""Write shards in several processes, in the order of completion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["written"]
 
 
 def written(shards: Sequence[Shard], workers: int) -> Iterator[WrittenShard]:
-    """Write shards, here or in other processes, and tell each when it is complete; Ctrl-C ends it cleanly.
+    """Write shards, here or in other processes; yield each completed shard. Ctrl-C ends the processes cleanly.
 
     Raises `SimulationError` when a worker was killed.
     """
@@ -50,7 +50,7 @@ def written(shards: Sequence[Shard], workers: int) -> Iterator[WrittenShard]:
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Keep Ctrl-C from processes that begin meanwhile, even before their first line runs."""
+    """Shield processes that start in this context from Ctrl-C, even before their first line runs."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -62,7 +62,7 @@ def _deaf() -> Iterator[None]:
 
 
 def _begin(stop: Event) -> None:
-    """Prepare a worker: it ends at once when the parent says so or is gone, and its shard is done again later."""
+    """Prepare a worker to end at once when the parent stops it or is gone; the shard is written again later."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     for ends in (stop.wait, parent.join):

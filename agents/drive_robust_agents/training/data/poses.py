@@ -1,4 +1,4 @@
-"""Poses beside the expert's way: a learner has to know the way back from them, too."""
+"""Draw poses beside the expert's way, from which a learner has to know the way back."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["FreeSpace", "Pose", "draw_pose"]
 
 LATERAL_M, YAW_RAD, SPEED_MPS = (0.3, 1.5), math.radians(15.0), 3.0
 _ASIDE_MPS = 2.5
-"""At speed an ego is turned less: it does not move aside of its lane faster than this."""
+"""Greatest sideways speed of a drawn pose, which limits its turn at speed."""
 SPEED_SHARE, STOP_SHARE, STOP_FROM_MPS = 1.0 / 3.0, 0.1, 2.0
 _ELBOW_M, _KERB_M = 0.25, 0.3
 _NEAR_M = 12.0
@@ -22,7 +22,7 @@ _NEAR_M = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Where an ego is put: metres and radians in the route's frame, m/s; with `start` it is at rest on a free way."""
+    """A pose for the ego: metres and radians in the route's frame, m/s; `start`: at rest on a free way."""
 
     x_m: float
     y_m: float
@@ -53,7 +53,7 @@ def draw_pose(ego: EgoState, rng: np.random.Generator) -> Pose:
 
 
 class FreeSpace:
-    """The free space for an ego: on the roads of a map, between the actors."""
+    """Tests poses of the ego for free space: on the roads of a map, between the actors."""
 
     def __init__(self, lane_map: LaneMap) -> None:
         lanes = [lane for lane in lane_map.lanes if lane.kind is not LaneKind.SIDEWALK]

@@ -1,7 +1,7 @@
-"""What `simlingo` learns to say about a moment: the expert's action, from its own future, and the reason for it.
+"""Make `simlingo`'s commentary of a moment: the expert's action, from its own future, and the reason.
 
-The published labels are made from the simulator's state in the same way (SimLingo `dataset_generation`); the rules here
-are our own. A reason is something that the front camera may see: what hinders first, nearest first.
+The published labels are made from the simulator's state, too (SimLingo `dataset_generation`); the rules here are our
+own. A reason is a thing that the front camera may see: the nearest hindrance.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ Numbers = NDArray[np.floating]
 
 STANDS_MPS, CHANGE_MPS = 0.4, 0.8
 _LATER = 7
-"""Which of the speeds of the future is compared with that of now: the one of 2 s."""
+"""Index of the future speed, at 2 s, that is compared with the present speed."""
 _LIGHT_M, _SIGN_M = 40.0, 30.0
 _CURVE_RAD = math.radians(25.0)
 _LIGHTS = {LightState.RED: Reason.RED, LightState.YELLOW: Reason.YELLOW, LightState.STOP_SIGN: Reason.SIGN}
 
 
 def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Numbers, path: Numbers) -> Commentary:
-    """Return one sentence for a sample.
+    """Return the sentence for a sample.
 
-    `facts` are those of `training.data.facts.FACTS` by name, `speeds` (n,) the expert's in m/s every 0.25 s from now,
-    at least 8, and `path` (n, 2) its path in metres.
+    `facts` are the values of `training.data.facts.FACTS` by name, `speeds` (n >= 8,) the expert's speeds in m/s every
+    0.25 s from now, and `path` (n, 2) its path in metres.
     """
     action = action_of(speed_mps, speeds)
     if action in (Action.REMAIN, Action.STOP, Action.SLOW):
@@ -46,7 +46,7 @@ def commentary(facts: Mapping[str, float], speed_mps: float, speeds: Numbers, pa
 
 
 def action_of(speed_mps: float, speeds: Numbers) -> Action:
-    """Name what a driver does who has this speed now and these speeds next."""
+    """Return the action of a driver with this present speed and these future speeds."""
     if speed_mps < STANDS_MPS:
         return Action.REMAIN if float(np.max(speeds)) < STANDS_MPS else Action.GO
     if float(np.min(speeds)) < STANDS_MPS:
@@ -58,7 +58,7 @@ def action_of(speed_mps: float, speeds: Numbers) -> Action:
 
 
 def hindrances(facts: Mapping[str, float], speed_mps: float) -> list[tuple[float, Reason]]:
-    """Return (metres, reason) of everything ahead that asks for less speed, nearest first."""
+    """Return (metres, reason) of each thing ahead that requires less speed, nearest first."""
     reach = _reach_m(speed_mps)
     found = []
     light = _LIGHTS.get(LightState(int(facts["light"]))) if facts["light"] >= 0.0 else None
@@ -75,7 +75,7 @@ def hindrances(facts: Mapping[str, float], speed_mps: float) -> list[tuple[float
 
 
 def turn_ahead_rad(path: Numbers) -> float:
-    """Return how much a path (n, 2) turns from its beginning to its end."""
+    """Return the turn in radians of a path (n, 2) from beginning to end."""
     steps = np.diff(np.asarray(path, dtype=np.float64), axis=0)
     angles = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
     return float(np.max(np.abs(angles - angles[0])))

@@ -1,4 +1,4 @@
-"""What each learned agent sees and needs to learn: its cameras, and whether it learns from boxes and map vectors."""
+"""The training inputs of each learned agent: its cameras, and whether it learns from boxes and map vectors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["TRAINING_RIGS", "TrainingRig", "agent_rig"]
 
 @dataclass(frozen=True, slots=True)
 class TrainingRig:
-    """The `cameras` of an agent; `perception` says whether boxes and map vectors are among its labels."""
+    """The `cameras` of an agent; `perception` tells whether its labels include boxes and map vectors."""
 
     cameras: tuple[CameraSpec, ...]
     perception: bool

@@ -1,6 +1,6 @@
-"""Drives of the expert, and branches off them: every sample is a moment with what the expert does from there.
+"""Drive the expert and branch off its drives: every sample is a moment with the expert's drive from there.
 
-A branch leaves no trace in the episode: a fork of the expert drives in it, and the world is put back afterwards.
+A branch leaves no trace in the episode: a fork of the expert drives the branch, and the world is restored afterwards.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ ON_WAY, SHIFTED, START, DAGGER = range(4)
 """Values of the column `source`."""
 KEEP_TICKS = 5
 _STANDING_MPS, _STANDING_SHARE = 0.1, 0.4
-"""The share that is kept of the moments in which the ego stands."""
+"""Speed below which the ego stands, and the share of such moments that is kept."""
 _TRIES = 3
 _MOVES_MPS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A moment, and the drive that begins with it: `states`, a state a tick, and `controls`, the answers to them."""
+    """A moment and the drive that begins with it: `states`, one per tick, and the expert's `controls`."""
 
     here: ExpertMoment
     states: Sequence[WorldState]
@@ -56,15 +56,15 @@ class Sample:
 
 
 def is_kept(speed_mps: float, rng: np.random.Generator) -> bool:
-    """Return whether a moment is kept; of those in which the ego stands only some are."""
+    """Return whether a moment is kept; only a share of the moments with a standing ego is."""
     return speed_mps >= _STANDING_MPS or bool(rng.random() < _STANDING_SHARE)
 
 
 def branch(episode: ExpertEpisode, expert: Expert) -> tuple[ExpertMoment, list[WorldState], list[Control]] | None:
-    """Let `expert` (a fork) drive on for 3 s from the world as it is: the moment, a state a tick, the controls.
+    """Let `expert` (a fork) drive on for 3 s from the present world; return (moment, states per tick, controls).
 
-    It ends early where the episode does. Returns None where somebody gets hurt or a rule is broken. Neither the
-    planners nor the world are put back.
+    The drive ends early with the episode. Returns None after a collision or a broken rule. Neither the planners nor the
+    world are restored.
     """
     simulator = episode.simulator
     before, targets = faults(simulator, lanes=False), episode.targets()
@@ -110,7 +110,7 @@ def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
 
 
 def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = SHIPPED) -> list[Sample]:
-    """Return the samples of an episode of the expert in the order of time, without those with a fault ahead.
+    """Return the samples of an episode of the expert in order of time, without samples that lead to a fault.
 
     `data_seed` names the draws of noise, moments and poses; `seed` is the episode's own.
     """
@@ -144,7 +144,7 @@ def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = 
 
 
 def _on_way(episode: ExpertEpisode, here: ExpertMoment, at: int) -> Sample:
-    """Return the sample whose future is what was driven."""
+    """Return the sample whose future is the driven episode itself."""
     states, controls = episode.states[at : at + BRANCH_TICKS + 1], episode.controls[at : at + BRANCH_TICKS]
     return Sample(here, states, controls, ON_WAY, here.truth.state.tick)
 

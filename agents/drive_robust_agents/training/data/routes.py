@@ -1,7 +1,7 @@
-"""The routes to learn from and to choose checkpoints on: drawn like the 220 that agents are judged on, never those.
+"""Routes for training and for choosing checkpoints: drawn like the 220 evaluation routes, but never these routes.
 
-The generator draws from (seed, scenario type, number), and every seed has towns of its own. Evaluation routes are of
-seed 0; training routes are of the seeds `TRAINING_SEEDS`, validation routes of `VALIDATION_SEED`.
+The generator draws from (seed, scenario type, number), and every seed has its own towns. Evaluation routes have seed 0,
+training routes the seeds `TRAINING_SEEDS`, validation routes `VALIDATION_SEED`.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SCENARIO_NAMES = tuple(sorted(SCENARIOS))
 
 @dataclass(frozen=True, slots=True)
 class RouteKey:
-    """What names a drawn route: seed of the generator, index of the scenario type in `SCENARIO_NAMES`, its number."""
+    """The key of a drawn route: generator seed, index of the scenario type in `SCENARIO_NAMES`, number."""
 
     seed: int
     tag: int
@@ -36,14 +36,14 @@ class RouteKey:
 
     @property
     def id(self) -> str:
-        """`"1-203"`: no evaluation route has such an id, so not even a scenario's own draws are the same."""
+        """The route id, as `"1-203"`. No evaluation route has such an id, so even a scenario's own draws differ."""
         return f"{self.seed}-{100 * (self.tag + 1) + self.number + 1}"
 
 
 def training_keys(*, seed: int = 1, per_type: int = 20, types: Collection[str] = ()) -> tuple[RouteKey, ...]:
-    """Return `per_type` routes of each of these types (none: of all); any first part holds the types in equal shares.
+    """Return `per_type` routes of each of `types` (empty: all types), ordered so that any prefix has equal shares.
 
-    Raises `UsageError` for the seeds of evaluation and validation, and for numbers and types that cannot be drawn.
+    Raises `UsageError` for the seeds of evaluation and validation, and for impossible numbers and types.
     """
     for name in types:
         if name not in SCENARIOS:
@@ -57,7 +57,7 @@ def training_keys(*, seed: int = 1, per_type: int = 20, types: Collection[str] =
 
 
 def validation_keys(*, per_type: int = 1) -> tuple[RouteKey, ...]:
-    """Return routes that are neither trained nor judged on. Raises `UsageError` for a number that cannot be drawn."""
+    """Return the keys of routes for neither training nor evaluation. Raises `UsageError` for an impossible number."""
     return _keys(VALIDATION_SEED, per_type)
 
 

@@ -1,4 +1,4 @@
-"""Turn samples into rows of arrays: labels, and the pictures of the agent's cameras."""
+"""Convert samples to rows of arrays: labels, and the pictures of the agent's cameras."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ from pytest_drive_robust.simulators.embedded.camera import CameraRig
 __all__ = ["RigCameras", "rows"]
 
 SEEN_PX = 4
-"""An actor with fewer pixels than this in every camera is not seen."""
+"""Least number of pixels in some camera of an actor that counts as seen."""
 
 
 class RigCameras:
-    """The cameras of an agent in one episode; what they see follows from the state of the world alone.
+    """The cameras of an agent in one episode, whose pictures depend only on the state of the world.
 
-    So moments can be drawn in any order, and only those that are kept. `way` is the (n, 4) route of the ground truth.
+    Kept moments can therefore be drawn later, in any order. `way` is the (n, 4) route of the ground truth.
     """
 
     def __init__(self, lane_map: LaneMap, route: Route, way: Floats, cameras: Sequence[CameraSpec]) -> None:
@@ -49,7 +49,7 @@ class RigCameras:
 
 
 def rows(samples: Sequence[Sample], route: Route, agent_rig: TrainingRig, *, tag: int, episode: int) -> Iterator[Row]:
-    """Return one row for each sample, as in the contract of `frames`."""
+    """Yield one row for each sample, with the arrays that `frames` lists."""
     if not samples:
         return
     truth = samples[0].here.truth

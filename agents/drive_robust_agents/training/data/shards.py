@@ -22,7 +22,7 @@ __all__ = ["Shard", "WrittenShard", "write"]
 
 @dataclass(frozen=True, slots=True)
 class Shard:
-    """What to write: `keys` are the routes, `first` is the number of the first of them among all."""
+    """The definition of a shard: `keys` are its routes, `first` is the number of its first route among all routes."""
 
     folder: Path
     number: int
@@ -63,7 +63,7 @@ def write(shard: Shard) -> WrittenShard:
 
 
 def _driver(shard: Shard) -> Callable[[Route, int], list[Sample]]:
-    """Return what drives an episode of a route with a seed."""
+    """Return the function (route, seed) that drives an episode and returns its samples."""
     data_seed, teacher, mixture = shard.data_seed, shard.teacher, shard.mixture
     if mixture is None:
         return lambda route, seed: drive_expert(route, data_seed=data_seed, seed=seed, teacher=teacher)

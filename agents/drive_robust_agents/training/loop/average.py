@@ -1,4 +1,4 @@
-"""The network that ships: an exponential mean of the one that is trained."""
+"""The exponential mean of the trained network, whose weights ship."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _DECAY = 0.999
 
 
 class Average:
-    """`net` is the mean over the last thousand steps or so (fewer at first), of parameters and statistics alike."""
+    """The mean network `net`, over about the last thousand steps (fewer at first), of parameters and statistics."""
 
     def __init__(self, net: nn.Module) -> None:
         self.net = copy.deepcopy(net).requires_grad_(False).eval()
@@ -23,7 +23,7 @@ class Average:
         self._others: list[Tensor] = [others[name] for name in moving]
 
     def follow(self, step: int) -> None:
-        """Move towards the trained network after its step (0 and up)."""
+        """Move the mean towards the trained network after its step number `step`, 0 and up."""
         decay = min(_DECAY, (1.0 + step) / (10.0 + step))
         with torch.no_grad():
             torch._foreach_lerp_(self._own, self._others, 1.0 - decay)

@@ -1,4 +1,4 @@
-"""Weights out of a training: half precision, with graphs, checked by reading them back, listed in a manifest."""
+"""Export the weights of a training: half precision, with graphs, verified by reading back, listed in a manifest."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ __all__ = ["publish", "write_weights"]
 
 
 def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, step: int, version: str = "0.0") -> Path:
-    """Write `NAME.safetensors`, its graphs and its manifest into a folder; gives the file.
+    """Write `NAME.safetensors`, its graphs and its manifest into a folder; return the weight file.
 
-    Raises `UsageError` when too large.
+    Raises `UsageError` for a file that is too large.
     """
     spec: Any = net.spec
     content = torch_weights.encode(net, spec)
@@ -61,9 +61,9 @@ def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, ste
 def publish(
     file: Path, folder: Path, *, recipe: TrainingRecipe, version: str, score: Mapping[str, Any] | None, **about: object
 ) -> WeightsEntry:
-    """Copy weights that were chosen, and their graphs, into a folder (that of the package).
+    """Copy chosen weights and their graphs into a folder, such as the package's; return the manifest entry.
 
-    Version, rig and closed-loop score go into its manifest. The files are verified before and loaded after.
+    The manifest gets version, rig and closed-loop score. The files are verified before the copy and loaded after it.
     Raises `UsageError`.
     """
     entry = read_manifest(file.parent, recipe.name)

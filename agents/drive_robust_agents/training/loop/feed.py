@@ -1,7 +1,6 @@
-"""Batches in the order of a training, prepared in the background: which rows, in what order, read and augmented.
+"""Prepare the batches of a training in the background: choose, order, read and augment rows.
 
-Everything about a batch follows from (seed, step): a training that was interrupted goes on with the very same batches,
-however many threads prepare them.
+A batch is a function of (seed, step): an interrupted training continues with equal batches, for any number of threads.
 """
 
 from __future__ import annotations
@@ -35,7 +34,7 @@ class Source(Protocol):
     """Frames on disk or in memory: rows of named arrays."""
 
     def __len__(self) -> int:
-        """Return how many rows there are."""
+        """Return the number of rows."""
         ...
 
     def column(self, name: str) -> NDArray[Any]:
@@ -43,18 +42,18 @@ class Source(Protocol):
         ...
 
     def arrays(self, names: Sequence[str], rows: Rows) -> dict[str, NDArray[Any]]:
-        """Return the named arrays at these rows, in their order, copied."""
+        """Return copies of the named arrays at the given rows, in their order."""
         ...
 
     def split(self) -> tuple[Rows, Rows]:
-        """Return rows to train on and to validate on, whole episodes each."""
+        """Return (training rows, validation rows), split by whole episodes."""
         ...
 
 
 class Feed:
-    """The batches of one training. `threads` prepare them, twice as many batches ahead.
+    """The batches of one training, prepared by `threads` threads, twice as many batches ahead.
 
-    Raises `UsageError` when the frames are too few to train and to validate on.
+    Raises `UsageError` when there are too few frames for training and validation.
     """
 
     def __init__(self, source: Source, recipe: TrainingRecipe, *, batch: int, seed: int, threads: int = 1) -> None:
@@ -134,7 +133,7 @@ class Feed:
 
 
 def _parts(source: Source) -> tuple[Rows, Rows]:
-    """Return rows to train and to validate on; where the split holds back nothing, the last episode validates."""
+    """Return (training rows, validation rows); if the split has no validation rows, the last episode validates."""
     training, validation = source.split()
     if len(validation):
         return training, validation

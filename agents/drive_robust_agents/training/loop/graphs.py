@@ -1,8 +1,8 @@
-"""Graphs for ONNX Runtime: what a network computes, written down once for each of its methods.
+"""Write graphs for ONNX Runtime: the computation of a network, one graph for each of its methods.
 
-A graph holds no weights. Each is an external tensor at its place in the weight file, in half precision as there, behind
-a node that casts it: so a graph follows from the network's specification alone, two trainings of one network have equal
-graphs, and any program that reads ONNX can open one where the weight file lies beside it.
+A graph holds no weights. Each weight is an external tensor at its place in the weight file, in half precision, followed
+by a node that casts it. A graph therefore depends only on the network's specification: two trainings of one network
+have equal graphs, and any ONNX program can open a graph with the weight file beside it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __all__ = ["write_graphs"]
 _OPSET = 20
 _FORWARD = "forward"
 _ROWS = 2
-"""Of the traced batch: one would be taken for a constant."""
+"""Rows of the traced batch; a single row would be taken for a constant."""
 
 _PREFIX = "net."
 
@@ -53,7 +53,7 @@ def write_graphs(net: nn.Module, path: Path, content: bytes, entry: WeightsEntry
 
 
 class _Method(nn.Module):
-    """A method of the network with inputs by position and outputs as a tuple, as the exporter wants them."""
+    """A method of the network with positional inputs and a tuple of outputs, as the exporter requires."""
 
     def __init__(self, net: nn.Module, method: str, names: Sequence[str]) -> None:
         super().__init__()
@@ -65,7 +65,7 @@ class _Method(nn.Module):
 
 
 def _distinct(net: nn.Module) -> nn.Module:
-    """Return a copy with other numbers in every tensor: the exporter makes one of two tensors that are equal."""
+    """Return a copy with distinct numbers in every tensor, because the exporter merges equal tensors."""
     plain = copy.deepcopy(net).cpu().requires_grad_(False).eval()
     generator = torch.Generator().manual_seed(0)
     for value in plain.state_dict().values():
@@ -82,10 +82,10 @@ def _examples(net: Any) -> Mapping[str, Mapping[str, Tensor]]:
 def _graph(
     net: nn.Module, method: str, example: Mapping[str, Tensor], places: Mapping[str, tuple[int, Any]], location: str
 ) -> bytes:
-    """Trace a method; its weights are those at `places` (where the data begins, header entry) in the file `location`.
+    """Trace a method; its weights are at `places` (offset of the data, header entry) in the file `location`.
 
-    All tensors of the file are in the graph, also those that the method does not read: ONNX Runtime wants to know every
-    one that it is given, and drops what leads nowhere.
+    The graph contains all tensors of the file, even if the method does not read them: ONNX Runtime must know every
+    given tensor, and drops unused tensors.
     """
     import onnx
     from onnx import TensorProto, helper
@@ -106,7 +106,7 @@ def _graph(
         casts.append(helper.make_node("Cast", [name], [_PREFIX + name], to=TensorProto.FLOAT))
     nodes = list(model.graph.node)
     for node in nodes:
-        node.ClearField("doc_string")  # the traceback, with paths
+        node.ClearField("doc_string")  # contains a traceback with paths
     del model.graph.node[:]
     model.graph.node.extend([*casts, *nodes])
     content: bytes = model.SerializeToString(deterministic=True)
@@ -118,7 +118,7 @@ def _exported(net: nn.Module, method: str, example: Mapping[str, Tensor]) -> byt
     with warnings.catch_warnings(), torch.no_grad(), tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "graph.onnx"
         outputs = list(getattr(net, method)(**example))
-        warnings.simplefilter("ignore")  # the exporter by tracing is old, and the only one that needs no compiler
+        warnings.simplefilter("ignore")  # the tracing exporter is deprecated, but the only one without a compiler
         torch.onnx.export(
             wrapped,
             tuple(example.values()),
@@ -129,6 +129,6 @@ def _exported(net: nn.Module, method: str, example: Mapping[str, Tensor]) -> byt
             opset_version=_OPSET,
             dynamo=False,
             do_constant_folding=False,
-            training=torch.onnx.TrainingMode.PRESERVE,  # else it folds the statistics of norms into other weights
+            training=torch.onnx.TrainingMode.PRESERVE,  # else the exporter folds statistics of norms into weights
         )
         return file.read_bytes()

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM while a training runs: heeded between two steps, where its state is whole."""
+"""Handle Ctrl-C and SIGTERM during a training between two steps, where its state is complete."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Interrupts:
-    """Notes the first signal, for `heed` to raise; the second one raises KeyboardInterrupt wherever it strikes.
+    """Records the first signal, for `heed` to raise; the second signal raises KeyboardInterrupt at once.
 
-    As a context it holds back signals until it is left. Only the main thread is given signals: in another one nothing
-    is held back.
+    Used as a context manager, which defers signals until its exit. Only the main thread receives signals; in other
+    threads the context does nothing.
     """
 
     def __init__(self) -> None:
@@ -35,7 +35,7 @@ class Interrupts:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         for number, handler in self._before.items():
-            # None: installed by no Python code, which cannot be put back
+            # None: the handler was not installed by Python code and cannot be restored
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
         if kind is None:
             self.heed()

@@ -1,4 +1,4 @@
-"""What people see of a training: parts of the loss, frames a second, the time left."""
+"""Display the progress of a training: parts of the loss, frames per second, remaining time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SMOOTH = 0.95
 
 
 class Display:
-    """A bar on a terminal, a line every half minute elsewhere. Losses are read rarely: reading waits for the device."""
+    """A bar on a terminal, else a line every 30 s. Losses are read rarely, because reading waits for the device."""
 
     def __init__(self, *, total: int, done: int, batch: int, console: Console | None = None) -> None:
         self._console = console or Console()
@@ -49,7 +49,7 @@ class Display:
         self._progress.stop()
 
     def step(self, done: int, parts: Mapping[str, Tensor | float], rate: float) -> None:
-        """Show that `done` steps are over and which losses the last one had."""
+        """Show the number of finished steps `done` and the losses of the last step."""
         now = time.monotonic()
         if now - self._shown < self._every_s and done < self._total:
             return
@@ -66,6 +66,6 @@ class Display:
             self._console.print(f"{done}/{self._total} {words}, {left_min:.1f} min left", soft_wrap=True)
 
     def validated(self, step: int, parts: Mapping[str, float]) -> None:
-        """Print a line with the losses on frames that are not trained on."""
+        """Print a line with the losses on validation frames."""
         losses = " ".join(f"{name} {value:.3f}" for name, value in parts.items())
         self._progress.console.print(f"step {step}: validation {losses}", soft_wrap=True, highlight=False)

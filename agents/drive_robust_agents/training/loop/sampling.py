@@ -1,7 +1,7 @@
-"""Which frames are visited how often: what is rare and matters is seen more, standing still less.
+"""Weight frames for training: rare and important frames are visited more often, standing frames less often.
 
-A drive is mostly lane following and waiting. Frames are put into buckets as SimLingo's data loader does it; then no
-scenario type may fall below a floor. One pass ("epoch") visits every frame about as often as its weight says.
+A drive is mostly lane following and waiting. Frames are put into buckets as in SimLingo's data loader; then each
+scenario type gets at least a minimum share. One pass ("epoch") visits every frame about in proportion to its weight.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _FLOOR = 0.02
 
 
 def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
-    """Return (n,) weights of frames, about 1: the largest of its buckets counts, standing and staying is thinned."""
+    """Return (n,) weights of frames, about 1: the largest weight of a frame's buckets; less for frames that stand."""
     speed = columns["speed"].astype(np.float64)
     future = columns["future"].astype(np.float64)
     moved = np.hypot(future[:, -1, 0], future[:, -1, 1])
@@ -44,9 +44,9 @@ def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
 
 
 def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -> Floats:
-    """Return the weights, raised for every scenario type whose share is below a floor; they sum to one.
+    """Return weights that sum to one, with the share of every scenario type raised to at least `floor`.
 
-    With k types the floor is at most 0.9 / k. Types above it give in proportion to what they have.
+    With k types the floor is at most 0.9 / k. Types above the floor are reduced in proportion to their share.
     """
     kinds, of = np.unique(tags, return_inverse=True)
     shares = np.bincount(of, weights=weights, minlength=len(kinds)) / weights.sum()
@@ -68,7 +68,7 @@ def draw_epoch(weights: Floats, generator: np.random.Generator) -> Ints:
     """Return (n,) row numbers in random order: each row comes `n * weight` times, rounded up or down by chance."""
     count = len(weights)
     edges = np.cumsum(weights) * count / weights.sum()
-    edges[-1] = count  # rounding must not lose the last one
+    edges[-1] = count  # rounding must not lose the last row
     marks = np.arange(count) + generator.random()
     rows = np.minimum(np.searchsorted(edges, marks, side="right"), count - 1)
     generator.shuffle(rows)

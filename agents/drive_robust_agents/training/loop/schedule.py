@@ -1,4 +1,4 @@
-"""How long a training is, how its learning rate goes, and which parameters rest in which stage."""
+"""The schedule of a training: its stages and its learning rate."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def cycle(progress: float) -> float:
 
 
 def stage_at(stages: Sequence[TrainingStage], step: int, total: int) -> tuple[int, float]:
-    """Return the number of the stage of a step (0 to `total - 1`), and how far into it the step is (0 to 1)."""
+    """Return (number of the stage, progress 0 to 1 within the stage) of a step, 0 to `total - 1`."""
     shares = [stage.share for stage in stages]
     done = 0.0
     for number, share in enumerate(shares):

@@ -1,4 +1,4 @@
-"""The state of a training on disk: one safetensors file that holds all of it, written whole or not at all."""
+"""The state of a training on disk: one safetensors file for the whole state, written whole or not at all."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class States:
     def save(
         self, step: int, net: nn.Module, shadow: nn.Module, optimizer: torch.optim.Optimizer, facts: Mapping[str, Any]
     ) -> None:
-        """Keep everything that the next step depends on; older states but the last are removed."""
+        """Save everything that the next step depends on; keep one older state and remove the others."""
         self._folder.mkdir(parents=True, exist_ok=True)
         tensors = {f"net.{name}": value for name, value in net.state_dict().items()}
         tensors |= {f"shadow.{name}": value for name, value in shadow.state_dict().items()}
@@ -66,7 +66,7 @@ class States:
         for name, value in _below(tensors, "optimizer.").items():
             number, _, part = name.partition(".")
             own = parameters[int(number)]
-            # the fused kernel walks through memory: what belongs to a parameter must lie as the parameter does
+            # the fused kernel walks through memory, so optimizer state needs the memory layout of its parameter
             laid = torch.empty_like(own).copy_(value) if value.shape == own.shape else value
             kept.setdefault(int(number), {})[part] = laid
         optimizer.load_state_dict({"state": kept, "param_groups": optimizer.state_dict()["param_groups"]})

@@ -1,7 +1,7 @@
-"""The loop: AdamW with one cycle of the learning rate, a mean of the weights, validation, states, candidates.
+"""The training loop: AdamW with one cycle of the learning rate, mean of the weights, validation, states, candidates.
 
-A run that is interrupted goes on where its last state was written, and on one thread of a CPU it ends with the same
-weights, bit for bit, as one that was not.
+An interrupted run continues from its last state. On one thread of a CPU its final weights equal those of an
+uninterrupted run, bit for bit.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ _VALIDATED_FRAMES = 2048
 
 @dataclass(frozen=True, slots=True)
 class TrainingOptions:
-    """What decides the weights. `steps` batches of `batch` frames; everything random follows from `seed`.
+    """The options that decide the weights: `steps` batches of `batch` frames, all random draws by `seed`.
 
-    `dtype` is what mixed precision computes in (float32: none). `spec` changes the network from the one that ships.
-    `frames`, `drawn`, `rows` and `start` say for the manifest what was learnt from, the names of folders, with which
-    seeds each was drawn and how many frames all hold, and which weights it began with.
+    `dtype` is the type of mixed precision (float32: none). `spec` changes the network from the shipped one. The others
+    are provenance for the manifest: `frames` the names of the data folders, `drawn` the seeds of each folder, `rows`
+    the number of frames, `start` the initial weights.
     """
 
     agent: str
@@ -68,9 +68,9 @@ class TrainingOptions:
 class Trainer:
     """One training in the folder `run`.
 
-    `net` is the network under training, `average` its mean, `step` how many steps are done; `start` are weights to
-    begin with: then only the last stage of the recipe follows, as what the others are for is learnt already. Raises
-    `UsageError` when the folder holds a run with other options.
+    `net` is the network under training, `average` its mean, `step` the number of finished steps. `start` are initial
+    weights; with these only the last stage of the recipe is trained, because the earlier stages are learnt already.
+    Raises `UsageError` when the folder holds a run with other options.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Trainer:
         self.net = channels_last(recipe.make(options.spec)).to(self.device).train()
         if start is not None:
             begin_with(self.net, options.agent, start)
-        self._claim()  # what cannot begin leaves the folder to another training
+        self._claim()  # after loading the weights: a training that cannot begin leaves the folder unclaimed
         self.average = Average(self.net)
         self._optimizer = _optimizer(self.net, options)
         self._states, self._save_every_s = States(run), save_every_s
@@ -104,13 +104,13 @@ class Trainer:
             self.step = int(known["step"])
 
     def train(self, display: Display, *, candidates: Mapping[int, Path], stop_after: int | None = None) -> None:
-        """Go on to the end (or for `stop_after` steps), saving on the way.
+        """Train to the end (or for `stop_after` steps), and save states on the way.
 
-        Ctrl-C and SIGTERM let the step finish, then it is saved and KeyboardInterrupt goes through. A second one breaks
-        the step off: half of it is in no state, so the last one stays.
+        Ctrl-C and SIGTERM let the step finish, save the state, and then raise KeyboardInterrupt. A second signal aborts
+        the step; a half step is never saved, so the last state stays.
 
-        `candidates`: at which steps the mean is written out as weights, and where. Raises `UsageError` when the loss is
-        no number any more; the last state is from before that.
+        `candidates` maps steps to the folders where the mean is written as weights. Raises `UsageError` when the loss
+        becomes NaN or infinite; the last state is older than that.
         """
         from drive_robust_agents.training.loop.export import write_weights
 
@@ -141,7 +141,7 @@ class Trainer:
         self._states.save(self.step, self.net, self.average.net, self._optimizer, {"settings": asdict(self.options)})
 
     def validate(self) -> dict[str, float]:
-        """Return the parts of the mean weights' loss on frames of episodes that are never trained on."""
+        """Return the parts of the mean network's loss on frames of validation episodes."""
         sums: dict[str, float] = {}
         rows = 0
         for batch in self.feed.validating(_VALIDATED_FRAMES):
@@ -178,7 +178,7 @@ class Trainer:
         return learning_rate(self._stages, min(self.step, self.options.steps - 1), self.options.steps, self.options.lr)
 
     def _enter_stage(self) -> None:
-        """Let parameters rest, with their statistics, as the stage of this step says."""
+        """Freeze the parameters, with their statistics, that rest in the stage of this step."""
         number, _ = stage_at(self._stages, self.step, self.options.steps)
         if number == self._stage:
             return
@@ -199,7 +199,7 @@ class Trainer:
         return precision(self.device, self.options.dtype)
 
     def _note(self, display: Display) -> None:
-        """Validate, show it and append it to the log."""
+        """Validate, show the losses and append them to the log."""
         found = self.validate()
         if not math.isfinite(found["loss"]):
             raise UsageError(
@@ -212,11 +212,11 @@ class Trainer:
             log.write(json.dumps(line) + "\n")
 
     def _claim(self) -> None:
-        """Note in the folder what is trained there, or check that it is the same."""
+        """Write the options to the folder, or check that the folder holds equal options."""
         asked = json.loads(json.dumps(asdict(self.options)))
         file = self.run / _OPTIONS_FILE
         if file.is_file():
-            there = {"rows": asked["rows"], **json.loads(file.read_text(encoding="utf-8"))}  # not in older folders
+            there = {"rows": asked["rows"], **json.loads(file.read_text(encoding="utf-8"))}  # older folders lack rows
             other = sorted(name for name in asked if there.get(name) != asked[name])
             if other:
                 said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
@@ -235,7 +235,7 @@ def precision(device: torch.device, dtype: str) -> AbstractContextManager[Any]:
 
 
 def _optimizer(net: nn.Module, options: TrainingOptions) -> torch.optim.AdamW:
-    """Make AdamW in one fused kernel; biases, scales and embeddings of one row do not decay."""
+    """Return AdamW with a fused kernel; biases, scales and embeddings of one row do not decay."""
     groups = list(_groups(net, options.weight_decay))
     return torch.optim.AdamW(groups, lr=options.lr, fused=True)
 

@@ -1,1 +1,1 @@
-"""What each agent's training is made of: inputs, augmentation, targets and losses."""
+"""The parts of each agent's training: inputs, augmentation, targets and losses."""

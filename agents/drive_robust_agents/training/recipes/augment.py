@@ -1,12 +1,12 @@
-"""What happens to training images: each agent gets the augmentation that its original published.
+"""Augment training images: each agent gets the augmentation of its published original.
 
-That choice decides what an agent survives. TCP ("hard" set of its `augment.py`): colours, blur, noise, single pixels
-and *blocks* of the image go missing. UniAD and VAD: photometric distortion and GridMask, which blanks a regular grid.
-SimLingo: colours, blur, noise and few pixels, never a block (`cutout=False`).
+The augmentation decides which failures an agent survives. TCP ("hard" set of its `augment.py`): colours, blur, noise,
+and missing pixels and *blocks* of the image. UniAD and VAD: photometric distortion and GridMask, which blanks a regular
+grid. SimLingo: colours, blur, noise and few missing pixels, never a block (`cutout=False`).
 
-Images are (N, ..., height, width, 3) uint8 and are changed in place. Changes of colour compose to one matrix, noise is
-cut from a field that is drawn once, so that a front image of 256 x 128 costs about a fifth of a millisecond. Equal
-generators give equal images.
+Images are (N, ..., height, width, 3) uint8 and are changed in place. Changes of colour are combined to one matrix, and
+noise is cut from a field that is drawn once, so that a front image of 256 x 128 costs about 0.2 ms. Equal generators
+give equal images.
 """
 
 from __future__ import annotations
@@ -31,9 +31,10 @@ _FIELD = 1 << 22
 def tcp_hard(images: Pixels, generator: np.random.Generator, strength: float = 1.0) -> None:
     """Apply TCP's set, each part to three in ten images; `strength` (0 to 1) drops more blocks and pixels.
 
-    Up to 4 % (at strength 0) or 20 % (at 1) of the pixels and, in every second image, of the blocks; a block is 8 to
-    20 % of the image's sides. (imgaug reads these figures as the size of the coarse mask, which gives blocks of 5 to 12
-    pixels; at a quarter of the published resolution such dust would be averaged away by the first convolution.)
+    Up to 4 % (at strength 0) or 20 % (at 1) of the pixels are dropped and, in every second image, of the blocks. A
+    block is 8 to 20 % of the image's sides. (imgaug reads these figures as the size of the coarse mask, which gives
+    blocks of 5 to 12 pixels; at a quarter of the published resolution the first convolution would average such small
+    blocks away.)
     """
     lost = 0.04 + 0.16 * strength
 
@@ -82,9 +83,9 @@ def simlingo_mild(images: Pixels, generator: np.random.Generator) -> None:
 def photometric_gridmask(images: Pixels, generator: np.random.Generator) -> None:
     """Apply UniAD's and VAD's set: brightness, contrast, colours per image, then GridMask (0.7) over all cameras.
 
-    Photometric distortion of each camera: brightness +-32, contrast and saturation 0.5 to 1.5, each for every second.
-    GridMask: squares of half a period are blanked, period 2 pixels up to the image's height, as published with
-    `ratio=0.5`; one grid for all cameras of a sample.
+    Photometric distortion of each camera: brightness +-32, contrast and saturation 0.5 to 1.5, each for every second
+    picture. GridMask blanks squares of half a period, with a period of 2 pixels up to the image's height, as published
+    with `ratio=0.5`; all cameras of a sample share one grid.
     """
 
     def change(image: Pixels) -> None:
@@ -166,7 +167,7 @@ def _blur(image: Pixels, sigma_px: float) -> None:
 
 @functools.cache
 def _normal_field() -> tuple[Pixels, Pixels]:
-    """Return positive and negative parts of standard normal numbers times 40, a few million, always the same."""
+    """Return the positive and negative parts of a fixed field of a few million standard normal numbers times 40."""
     drawn = np.random.Generator(np.random.Philox(7)).standard_normal(_FIELD, dtype=np.float32) * 40.0
     return np.clip(drawn, 0, 255).astype(np.uint8), np.clip(-drawn, 0, 255).astype(np.uint8)
 
@@ -183,7 +184,7 @@ def _cut(field: Pixels, shape: tuple[int, ...], generator: np.random.Generator) 
 
 
 def _add_noise(image: Pixels, generator: np.random.Generator, deviation: float) -> None:
-    """Add Gaussian noise, `deviation` as a share of the range, to each channel on its own."""
+    """Add Gaussian noise to each channel independently; `deviation` is a share of the range."""
     up, down = _normal_field()
     rise, start = _cut(up, image.shape, generator)
     fall = down[start : start + image.size].reshape(image.shape)
@@ -198,7 +199,7 @@ def _drop_pixels(image: Pixels, generator: np.random.Generator, share: float) ->
 
 
 def _drop_blocks(image: Pixels, generator: np.random.Generator, share: float) -> None:
-    """Blacken cells of a coarse grid that lies anywhere; a cell is 8 to 20 % of the image's sides."""
+    """Blacken cells of a coarse grid at a random place; a cell is 8 to 20 % of the image's sides."""
     rows, columns = image.shape[:2]
     side = generator.uniform(0.08, 0.2)
     cells = int(np.ceil(1.0 / side)) + 1

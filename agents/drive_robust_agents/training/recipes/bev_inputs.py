@@ -1,4 +1,4 @@
-"""The inputs of UniAD's and VAD's networks in training: pictures, can bus, and for some rows the frame 0.5 s before."""
+"""The training inputs of UniAD's and VAD's networks: pictures, can bus, and for some rows the frame 0.5 s earlier."""
 
 from __future__ import annotations
 
@@ -20,32 +20,33 @@ from drive_robust_agents.training.recipes.failures import gps_errors, hang, misr
 __all__ = ["HISTORY", "NEEDS", "bev_inputs", "driven_in", "remembered"]
 
 Recall = Callable[[Tensor, Tensor], Mapping[str, Tensor]]
-"""Turns pictures and can bus into what is remembered of them."""
+"""A function of pictures and can bus that returns their memory."""
 
 _IMAGES = tuple(f"cam_{camera.name}" for camera in CAMERAS)
 NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")
-"""Arrays of a sample that are read here."""
+"""Arrays of a sample that this module reads."""
 HISTORY = (*_IMAGES, "speed", "imu", "pose")
-"""Arrays that are read of the frame 0.5 s before, too."""
+"""Arrays that this module reads of the frame 0.5 s earlier, too."""
 
 _LAG_S = 0.5
 _MEMORY_SHARE = 0.5
 _TWO_FIXES = math.sqrt(2.0)
-"""The error of the way between two noisy positions, against that of one."""
+"""Error of the movement between two noisy positions, relative to the error of one position."""
 
 
 def bev_inputs(
     arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool, *, robust: bool = False
 ) -> dict[str, Tensor]:
-    """Return the inputs that `BevAgent` documents, without `old_bev`, and what `remembered` needs to make it.
+    """Return the inputs that `BevAgent` documents, without `old_bev`, and the inputs of `remembered`, which makes it.
 
-    In training only half of the rows that have an earlier frame get it: it saves time, and the others teach to drive
-    without a memory. The movement in the can bus is what speed and yaw rate make of half a second, not the difference
-    of two poses: that would tell a frame from a shifted pose by how much it was shifted.
+    In training only half of the rows with an earlier frame get that frame: this saves time, and the other rows teach to
+    drive without a memory. The movement in the can bus is integrated from speed and yaw rate over 0.5 s. It is not the
+    difference of two poses, which would reveal the shift of a frame from a shifted pose.
 
-    `robust` adds in training what deployment does: for every second row a black rectangle in each camera, now and in
-    the memory; for a third each some cameras that hang and show the picture of the memory, GPS noise of 0 to 15 m in
-    what the ego moved by, and a speedometer that reads a fraction, now and then.
+    `robust` adds deployment failures in training. Every second row gets a black rectangle in each camera, in the
+    present picture and in the memory. A third of the rows each get some hanging cameras, which show the picture of the
+    memory; GPS noise of 0 to 15 m in the ego's movement; and a speedometer that reads a fraction, now and in the
+    memory.
     """
     images = np.stack([arrays[name] for name in _IMAGES], axis=1)
     old_images = np.stack([arrays[f"old_{name}"] for name in _IMAGES], axis=1)
@@ -89,9 +90,9 @@ def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -
 def remembered(
     net: nn.Module, recall: Recall, shapes: Mapping[str, tuple[int, ...]], batch: Mapping[str, Tensor]
 ) -> dict[str, Tensor]:
-    """Return what `recall` makes of the frame 0.5 s before: (N, *shape) of each name, zeros for rows that know of none.
+    """Return the memory that `recall` makes of the frame 0.5 s earlier: (N, *shape) by name, zeros for rows without.
 
-    Without gradient and with `net` in evaluation mode, as published; afterwards every module is as it was.
+    The memory is computed without gradient and with `net` in evaluation mode, as published; the modes are restored.
     """
     known = batch["known"]
     old = {name: known.new_zeros(len(known), *shape) for name, shape in shapes.items()}

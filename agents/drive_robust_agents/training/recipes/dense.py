@@ -1,7 +1,7 @@
-"""Labels from above: what lies in each cell of the bird's-eye grid.
+"""Dense labels: bodies and lines in each cell of the bird's-eye grid.
 
-It is the cheapest gradient that camera features can get, from the first step on, while the matching of queries to
-labels still changes (after the segmentation heads of BEVFormer-like networks).
+These labels give camera features a cheap gradient from the first step on, while the matching of queries to labels still
+changes (after the segmentation heads of BEVFormer-like networks).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ __all__ = ["CHANNELS", "LINE_KINDS", "dense_loss", "dense_targets"]
 
 CHANNELS = ("vehicle", "other", "route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
 LINE_KINDS = len(CHANNELS) - 2
-"""How many values `lane_kind` has but for none; the first two channels are bodies."""
+"""Number of values of `lane_kind` other than none; the first two channels are bodies."""
 _BODY_SHARE, _LINE_SHARE = 0.3, 0.55
 
 

@@ -1,7 +1,7 @@
-"""Action dreaming: what a driver would do who was told something else, made kinematically from one real moment.
+"""Action dreaming: the drive of somebody who obeys another instruction, computed kinematically from one real moment.
 
-One picture becomes many samples: (instruction, path, speeds). Only the instruction tells them apart, so the
-network has to listen. No actor reacts to the dream: it is a replay (SimLingo, section on action dreaming;
+One picture gives many samples (instruction, path, speeds), which differ only by the instruction, so the network has to
+read the instruction. Actors do not react to the dream, which is a replay (SimLingo, section on action dreaming;
 `dataset_generation/dreamer_data`, re-written from its idea). Ego frame: x forward, y right, metres.
 """
 
@@ -48,14 +48,14 @@ class DreamStart:
 
 
 class Dream(NamedTuple):
-    """`path` (20, 2) one point a metre; `waypoints` (10, 2) every 0.25 s."""
+    """A dreamt drive: `path` (20, 2), one point a metre; `waypoints` (10, 2), every 0.25 s."""
 
     path: Floats
     waypoints: Floats
 
 
 def applicable(moment: DreamStart, *, safety: bool) -> list[Kind]:
-    """Return which instructions make a difference here. Without `safety` a lane is only offered where there is one."""
+    """Return the kinds of instructions that make a difference here; without `safety` only changes to existing lanes."""
     facts, kinds = moment.facts, [Kind.FASTER, Kind.SPEED, Kind.OFF_LEFT, Kind.OFF_RIGHT]
     mean_mps = float(np.mean(moment.speeds[:WAYPOINTS]))
     kinds += [Kind.SLOWER] if mean_mps > _MOVES_MPS else []
@@ -68,7 +68,7 @@ def applicable(moment: DreamStart, *, safety: bool) -> list[Kind]:
 
 
 def draw_instruction(moment: DreamStart, rng: np.random.Generator, *, safety: bool) -> Instruction:
-    """Return one of the applicable instructions in any wording; those that people give most come twice as often."""
+    """Draw an applicable instruction in any wording; the instructions that people give most are twice as likely."""
     kinds = applicable(moment, safety=safety)
     weights = np.array([2.0 if kind in _USUAL else 1.0 for kind in kinds])
     kind = kinds[int(rng.choice(len(kinds), p=weights / weights.sum()))]
@@ -82,7 +82,7 @@ def draw_instruction(moment: DreamStart, rng: np.random.Generator, *, safety: bo
 
 
 def dream(told: Instruction, moment: DreamStart) -> Dream:
-    """Return what somebody who obeys would drive."""
+    """Return the drive that obeys an instruction."""
     line, aside = _rolled_in(moment.line), _aside(told.kind, moment)
     return Dream(
         _along(_shifted(moment.line, aside), np.arange(1.0, PATH_POINTS + 1.0), first=False),
@@ -91,7 +91,7 @@ def dream(told: Instruction, moment: DreamStart) -> Dream:
 
 
 def is_safe(told: Instruction, moment: DreamStart) -> bool:
-    """Return whether this may be obeyed: lane changes only into lanes, more speed only with nothing ahead, no crash."""
+    """Return whether obeying is safe: lane changes only into lanes, more speed only on a free way, no crash."""
     if told.kind in (Kind.SLOWER, Kind.STOP):
         return True
     if told.kind in _LANES:
@@ -164,13 +164,13 @@ def _rolled_in(line: Floats) -> Floats:
 
 
 def _driven(line: Floats, speeds: Floats) -> Floats:
-    """Return (10, 2): where who drives at these speeds is every 0.25 s."""
+    """Return the places (10, 2) every 0.25 s of a vehicle with these speeds on the line."""
     metres = np.cumsum(0.5 * STEP_S * (speeds[1:] + speeds[:-1]))
     return _along(line, metres, first=True)
 
 
 def _along(line: Floats, metres: Floats, *, first: bool) -> Floats:
-    """Return points so many metres along a line that goes on straight, from the origin or a metre before its start."""
+    """Return points `metres` along a line with a straight end, from the origin or from a metre before its start."""
     start = np.zeros(2) if first else 2.0 * line[0] - line[1]
     end = line[-1] + 100.0 * (line[-1] - line[-2])
     points = np.concatenate([start[None], line, end[None]])
@@ -179,7 +179,7 @@ def _along(line: Floats, metres: Floats, *, first: bool) -> Floats:
 
 
 def _things_ahead(facts: Mapping[str, float]) -> list[str]:
-    """Return what of `THINGS` can be crashed into here; bicycles and pedestrians are one fact and can both be said."""
+    """Return the `THINGS` to crash into here; bicycles and pedestrians are one fact, so both may be named."""
     near = {"vehicle": facts["lead_m"], "obstacle": facts["obstacle_m"]}
     near |= {"pedestrian": facts["walker_m"], "bicycle": facts["walker_m"]}
     return [thing for thing in THINGS if near[thing] < _NEAR_M]

@@ -1,7 +1,6 @@
-"""What deployment does to the inputs of a network, for `train --robust`: some rows of a batch suffer, others do not.
+"""Deployment failures of network inputs for `train --robust`, in some rows of a batch.
 
-Labels stay those of the truth, so that a network learns to be right in spite of wrong inputs. Equal generators give
-equal failures.
+Labels stay true, so that a network learns correct outputs for wrong inputs. Equal generators give equal failures.
 """
 
 from __future__ import annotations
@@ -17,25 +16,25 @@ __all__ = ["MOST_HIDDEN", "gps_errors", "hang", "late", "misread", "muddy"]
 Floats32 = NDArray[np.float32]
 
 MOST_HIDDEN = 0.85
-"""The largest share of either side of an image that is hidden; the paper hides up to 0.8."""
+"""Largest hidden share of either side of an image; the paper hides up to 0.8."""
 
 _SHARE = 1.0 / 3.0
-"""The share of rows that suffer from each failure but mud, which is in every second one."""
+"""Share of rows with each failure; mud is in every second row."""
 
 _MOST_GPS_M = 15.0
 _HANGS = 0.4
-"""So many cameras of a row that suffers repeat an old picture: about as many as in bursts of 3 s."""
+"""Share of cameras that repeat an old picture in an affected row: about as many as in bursts of 3 s."""
 
 
 def gps_errors(rows: int, generator: np.random.Generator) -> Floats:
-    """Return (rows, 2) metres by which positions are off: 0 to 15 m of deviation, the same in both directions."""
+    """Return position errors (rows, 2) in metres, with a deviation of 0 to 15 m, equal in both directions."""
     deviation = generator.uniform(0.0, _MOST_GPS_M, (rows, 1)) * (generator.random((rows, 1)) < _SHARE)
     errors: Floats = deviation * generator.standard_normal((rows, 2))
     return errors
 
 
 def misread(speed: Floats32, generator: np.random.Generator) -> Floats32:
-    """Return what the speedometer says: for some rows a fraction of the truth, around 0.2 to 1, and some noise.
+    """Return measured speeds: for some rows a fraction of the true speed, about 0.2 to 1, and some noise.
 
     Speeds are (N,), or (ticks, N): the fraction belongs to the row, the noise to the reading.
     """
@@ -45,10 +44,10 @@ def misread(speed: Floats32, generator: np.random.Generator) -> Floats32:
 
 
 def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) -> None:
-    """Black out a rectangle of every camera of every second row (N, cameras, H, W, 3), each at its own place.
+    """Black out a rectangle in every camera of every second row (N, cameras, H, W, 3), each at its own place.
 
-    Its picture of before loses another one, as the paper's occlusion lies elsewhere in every tick. Both are changed in
-    place.
+    The old picture gets another rectangle, because the paper's occlusion moves in every tick. Both pictures are changed
+    in place.
     """
     rows = generator.random(len(images)) < 0.5
     for pictures in (images, old_images):
@@ -58,17 +57,17 @@ def muddy(images: Pixels, old_images: Pixels, generator: np.random.Generator) ->
 
 
 def hang(images: Pixels, old_images: Pixels, known: NDArray[np.bool_], generator: np.random.Generator) -> None:
-    """Let some cameras of some rows (N, cameras, H, W, 3) show the picture of before, where it is `known`."""
+    """Let some cameras of some rows (N, cameras, H, W, 3) show the old picture, in rows where it is `known`."""
     rows, cameras = images.shape[:2]
     hung = (generator.random((rows, cameras)) < _HANGS) & ((generator.random(rows) < _SHARE) & known)[:, None]
     images[hung] = old_images[hung]
 
 
 def late(future: Floats32, generator: np.random.Generator) -> Floats32:
-    """Return the expert's drive (N, 12, 4) as it looks from where some cars will be when a late control arrives.
+    """Return the expert's drive (N, 12, 4), for some rows in the later ego frame in which a delayed control arrives.
 
-    The delay is one or two columns (0.25 or 0.5 s); positions and yaw are those of the car then. The last columns,
-    which nobody drove, repeat the last step.
+    The delay is one or two columns (0.25 or 0.5 s); positions and yaw are relative to the car at that time. The last
+    columns, which were not driven, repeat the last step.
     """
     shifted: Floats32 = future.copy()
     rows = np.nonzero(generator.random(len(future)) < _SHARE)[0]

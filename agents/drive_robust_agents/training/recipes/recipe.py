@@ -1,4 +1,4 @@
-"""What an agent brings to its training: what it reads, its network, its targets and its loss."""
+"""The recipe of an agent's training: its inputs, its network, its targets and its loss."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ RECIPES = {"simlingo": "SimLingoRecipe", "tcp": "TcpRecipe", "uniad": "UniadReci
 
 
 class TrainingStage(NamedTuple):
-    """A part of the training: its share of all steps, parameters that rest (by prefix), factor on the learning rate."""
+    """A stage of the training: its share of all steps, frozen parameters (by prefix), factor on the learning rate."""
 
     share: float = 1.0
     frozen: tuple[str, ...] = ()
@@ -34,7 +34,7 @@ class TrainingStage(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Defaults:
-    """Options of the trainer that a recipe knows best: AdamW with one cycle of the learning rate."""
+    """Default trainer options of a recipe: AdamW with one cycle of the learning rate."""
 
     batch: int = 64
     lr: float = 1e-3
@@ -44,11 +44,11 @@ class Defaults:
 
 
 class TrainingRecipe(Protocol):
-    """One agent's training. Has no state: `batch` is called in background threads.
+    """One agent's training, without state, because `batch` is called in background threads.
 
     `rig` are the cameras of the agent. `needs` are the arrays of a sample that `batch` reads, `history` those that it
-    also reads from the frame half a second before, as `old_<name>`, with `old_ok` (N,) False (and zeros) where there
-    is no such frame.
+    also reads from the frame 0.5 s earlier, as `old_<name>`, with `old_ok` (N,) False (and zeros) in rows without an
+    earlier frame.
     """
 
     name: str
@@ -59,11 +59,11 @@ class TrainingRecipe(Protocol):
 
     @property
     def rig(self) -> tuple[CameraSpec, ...]:
-        """The cameras, as the agent's `sensors()`."""
+        """The cameras of the agent, equal to its `sensors()`."""
         ...
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
-        """Return a new network of a plain specification, or of the one that ships."""
+        """Return a new network of a plain specification, by default the shipped one."""
         ...
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
@@ -71,7 +71,7 @@ class TrainingRecipe(Protocol):
         ...
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """Return the loss, and its parts to show, each without gradient."""
+        """Return the loss, and its parts without gradient, for display."""
         ...
 
 

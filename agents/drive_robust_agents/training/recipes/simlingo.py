@@ -1,4 +1,4 @@
-"""How `simlingo` is trained: it drives as the expert does, says why, and does what it is told in dreams."""
+"""The training of `simlingo`: drive as the expert, say the reason, and obey instructions in dreams."""
 
 from __future__ import annotations
 
@@ -56,26 +56,26 @@ __all__ = ["SimLingoRecipe", "TalkPrompt", "talk"]
 Floats32 = NDArray[np.float32]
 
 MIX = {"comment": 0.24, "given": 0.06, "follow": 0.42, "safety": 0.2, "command": 0.08}
-"""Kinds of the second prompt. As published, a fifth of the commentary is given in the prompt, four are to be said."""
+"""Shares of the kinds of second prompts. As published, 1/5 of the commentary is given in the prompt, 4/5 to be said."""
 _SILENT = 0.5
-"""How often an answer that could be said is left out, because the agent can also be told to be silent."""
+"""Share of possible answers that are left out, because the agent can also be told to be silent."""
 _BETA_M = 0.25
-"""Errors below this count by their square, others by their length."""
+"""Error in metres below which the loss is quadratic, above it linear."""
 
 _GAIN = 0.014
-"""How much the agent's position filter believes a GPS fix, once settled (`_wrappers.kalman`)."""
+"""Gain of a GPS fix in the agent's position filter, once settled (`_wrappers.kalman`)."""
 _NOISE_LEFT = (_GAIN / (2.0 - _GAIN)) ** 0.5
 _LAG_S = TICK_S / _GAIN
-"""What the filter leaves of a deviation of the GPS, and by how many seconds a misread speed keeps its position back."""
+"""Share of GPS noise after the filter, and the seconds of a speed error by which the filtered position lags."""
 
 _prompt = lru_cache(maxsize=65536)(prompt_row)
 _answer = lru_cache(maxsize=4096)(answer_row)
 
 
 class TalkPrompt(NamedTuple):
-    """One prompt for one sample with what it wants: the words of the prompt and of the answer, and where to drive.
+    """One prompt for one sample with its targets: the words of the prompt and of the answer, and the drive.
 
-    `answer` None: nothing is said; `driven` None: as the expert.
+    `answer` None: no answer; `driven` None: the expert's drive.
     """
 
     prompt: str
@@ -86,12 +86,12 @@ class TalkPrompt(NamedTuple):
 class SimLingoRecipe:
     """Smooth L1 of path and waypoints for the driving prompt and for a second, talking prompt; cross-entropy of words.
 
-    Every image is driven once by its plain driving prompt. `talking` of the rows (more than 1: several times) get a
-    prompt of another kind on top, for which the image is not encoded again: commentary to say or given, an instruction
-    to follow (a dream) or to weigh, the way by command, as often as `mix` says. `robust` adds what deployment does: a
-    black rectangle in every second image, which SimLingo's own augmentation never has; for a third of the rows each
-    what its filter leaves of GPS noise of 0 to 15 m, and a speedometer that reads too low, in the speed, in the prompts
-    and in target points that are farther ahead, because the filter lags behind. The labels stay those of the truth.
+    Every image is driven once by its plain driving prompt. A share `talking` of the rows (above 1: several times) gets
+    an additional prompt of another kind, for which the image is not encoded again: commentary to say or given, an
+    instruction to follow (a dream) or to weigh, the way by command, with the shares in `mix`. `robust` adds deployment
+    failures: a black rectangle in every second image, which SimLingo's own augmentation never has; for a third of the
+    rows each, the rest of GPS noise of 0 to 15 m after the filter, and a speedometer that reads too low, in the speed,
+    in the prompts, and in target points that lie farther ahead because the filter lags. The labels stay true.
     """
 
     name = "simlingo"
@@ -172,9 +172,10 @@ def talk(
     mix: Mapping[str, float] = MIX,
     reads_mps: float | None = None,
 ) -> TalkPrompt:
-    """Return a second prompt for a sample, of a kind by `mix`; `quiet`: what could be said is often left out.
+    """Return a second prompt for a sample, of a kind drawn by `mix`; `quiet`: possible answers are often left out.
 
-    `reads_mps` is what the speedometer says, the truth when left out: prompts tell it, answers and dreams do not.
+    `reads_mps` is the measured speed (None: the true speed); prompts use the measured speed, answers and dreams the
+    true speed.
     """
     speed_mps = float(arrays["speed"][row])
     reads_mps = speed_mps if reads_mps is None else reads_mps
@@ -209,7 +210,7 @@ def _sensed(speed: Floats32, target: Floats32, generator: np.random.Generator) -
 
 
 def _talking(told: list[TalkPrompt], own: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Return the arrays of the second prompts; without any they have no rows."""
+    """Return the arrays of the second prompts; empty without prompts."""
     rows = np.arange(len(told)) % max(len(own["speed"]), 1)
     path, waypoints, ok = (own[f"true_{name}"][rows].copy() for name in ("path", "waypoints", "ok"))
     silence = (PAD,) * ANSWER_SLOTS
@@ -228,7 +229,7 @@ def _talking(told: list[TalkPrompt], own: Mapping[str, NDArray[Any]]) -> dict[st
 
 
 def _off(driven: Driving, batch: Mapping[str, Tensor], which: str) -> tuple[Tensor, Tensor]:
-    """Return the smooth L1 of the path and of those waypoints that somebody drove, metres, summed over x and y."""
+    """Return the smooth L1 of the path and of the known waypoints, in metres, summed over x and y."""
     path, waypoints, ok = (batch[f"{which}_{name}"] for name in ("path", "waypoints", "ok"))
     off_path = functional.smooth_l1_loss(driven.path.float(), path, beta=_BETA_M, reduction="none").sum(2)
     off = functional.smooth_l1_loss(driven.waypoints.float(), waypoints, beta=_BETA_M, reduction="none").sum(2)

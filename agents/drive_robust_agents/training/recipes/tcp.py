@@ -1,4 +1,4 @@
-"""How `tcp` is trained: waypoints, the expert's controls now and later, its own speed, how free the way is."""
+"""The training of `tcp`: waypoints, the expert's controls now and later, the ego's speed, the freedom of the way."""
 
 from __future__ import annotations
 
@@ -30,16 +30,15 @@ _HALF_SECONDS = (1, 3, 5, 7)
 """Columns of `future` (a quarter of a second apart) that are the waypoints."""
 _FREE_M, _FREE_S = 4.0, 1.5
 _EDGE = 0.02
-"""Beta distributions have no density worth learning at 0 and 1: actions are kept this far from them."""
+"""Distance of actions from 0 and 1, where Beta distributions have no useful density."""
 
 
 class TcpRecipe:
     """TCP's losses: L1 of waypoints, 0.1 x NLL of actions (now and four later), 0.05 x speed, 0.001 x value.
 
-    `robust` adds what deployment does to the inputs (the labels stay those of the true state, so that the network
-    learns to look through it): a black rectangle in every second picture of each camera, GPS noise of 0 to 15 m on the
-    target point and a sensed speed that is too low, for a third each; and waypoints that begin up to half a second
-    late, so that a control that arrives late still fits.
+    `robust` adds deployment failures of the inputs, with true labels: a black rectangle in every second picture of each
+    camera; for a third of the rows each, GPS noise of 0 to 15 m on the target point and a measured speed that is too
+    low; and waypoints that begin up to 0.5 s late, so that a delayed control still fits.
     """
 
     name = "tcp"
@@ -61,7 +60,7 @@ class TcpRecipe:
         return TcpNet.build(asdict(TcpSpec()) if spec is None else spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """Return inputs named as `TcpNet.forward` wants them, targets named `true_...`."""
+        """Return the inputs of `TcpNet.forward` by name, and targets named `true_...`."""
         image = joined([arrays[picture] for picture in _PICTURES])
         speed, target = arrays["speed"].astype(np.float32), arrays["target"][:, 0, 0].astype(np.float32)
         future, ok = arrays["future"].astype(np.float32), arrays["future_ok"]

@@ -1,7 +1,7 @@
-"""How `uniad` is trained: perception first, then everything with the plan, as published in two stages.
+"""The training of `uniad` in two stages as published: perception first, then everything with the plan.
 
-Beyond the published losses, to learn from little: a picture from above and a heat map of centres from the first step
-on (agent queries begin at its peaks), and hints to the ego's query about the light and what is near ahead.
+Losses beyond the published ones, to learn from little data: dense labels and a heat map of centres from the first step
+on (agent queries begin at its peaks), and hints to the ego's query about the light and near things ahead.
 """
 
 from __future__ import annotations
@@ -52,16 +52,16 @@ _LABELS = ("boxes", "box_future", "lanes", "lane_kind", "future", "future_ok", "
 _HALF_SECONDS = (1, 3, 5, 7, 9, 11)
 """Columns of `future` (a quarter of a second apart) that are 0.5 s apart."""
 _DRAWN_AGENTS = 6
-"""Occupancy is drawn for the nearest few: each costs a map of 5 x 80 x 32."""
+"""Number of nearest agents with occupancy labels, because each costs a map of 5 x 80 x 32."""
 _WEIGHTS = {"plan": 4.0, "collision": 4.0, "metres": 0.0}
-"""Published: 1, 1. A small network on few samples spends what it has on boxes and lines otherwise."""
+"""Weights of the losses. Published: 1, 1, with which a small network on few samples learns mostly boxes and lines."""
 _LATER = ("motion", "occupancy", "planner")
 
 
 class UniadRecipe:
     """UniAD's losses: tracks, lanes, motion, occupancy, plan with collision losses (2.5, 1, 0.25 for 0, 0.5, 1 m).
 
-    `robust` adds what deployment does to the inputs, see `bev_inputs`; the labels stay those of the truth.
+    `robust` adds deployment failures of the inputs, see `bev_inputs`; the labels stay true.
     """
 
     name = "uniad"
@@ -83,12 +83,12 @@ class UniadRecipe:
         return UniadNet.build(asdict(UniadSpec()) if spec is None else spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
-        """Return the inputs of `bev_inputs`, and the labels as they are, by their names with `true_` before."""
+        """Return the inputs of `bev_inputs`, and the labels of the sample, named `true_...`."""
         labels = {f"true_{name}": torch.from_numpy(np.ascontiguousarray(arrays[name])) for name in _LABELS}
         return bev_inputs(arrays, generator, training, robust=self.robust) | labels
 
     def loss(self, net: nn.Module, batch: Mapping[str, Tensor]) -> tuple[Tensor, Mapping[str, Tensor | float]]:
-        """Return the weighted sum and its parts; while the later heads rest, only what is seen is scored."""
+        """Return the weighted sum and its parts; while the later heads are frozen, only perception counts."""
         uniad = cast("UniadNet", net)
         now, front = uniad.look(batch["images"], batch["can_bus"])
         spec = uniad.spec

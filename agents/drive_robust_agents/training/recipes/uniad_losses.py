@@ -1,4 +1,4 @@
-"""The losses of UniAD's heads beyond those that it shares with VAD; weights are the published ones unless said.
+"""The losses of UniAD's heads that VAD does not share; weights are as published unless stated otherwise.
 
 Shapes as in the samples: boxes (N, B, 9), futures (N, B, T, 2), lanes (N, V, P, 2), kinds (N, V); metres, ego frame.
 """
@@ -69,9 +69,8 @@ def mask_loss(logits: Tensor, masks: Tensor, truth: Tensor, kind: Tensor) -> tup
 def motion_loss(paths: Tensor, spread: Tensor, logits: Tensor, way: Tensor) -> Tensor:
     """Compute the loss of modes (n, M, T, 2) against ways (n, T, 2; NaN: unknown), metres, own frame.
 
-    The mode nearest to the way learns it, and to be likely.
-
-    Negative log-likelihood of a two-dimensional normal distribution; `spread` (n, M, T, 3) as in `Motions`.
+    Only the mode nearest to the way learns the way, and learns to be likely. The loss is the negative log-likelihood of
+    a two-dimensional normal distribution; `spread` (n, M, T, 3) as in `Motions`.
     """
     there = ~way.isnan().any(-1)
     off = paths - way.nan_to_num(0.0)[:, None]
@@ -100,10 +99,10 @@ def occupancy_loss(whose: Tensor, anyone: Tensor, truth: Tensor, known: Tensor) 
 
 
 def collision_loss(plan: Tensor, true_pose: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
-    """Return UniAD's collision losses: how much the widened ego overlaps others on a plan (N, T, 2); a scalar.
+    """Return UniAD's collision losses, a scalar: the overlap of the widened ego with others on a plan (N, T, 2).
 
-    `true_pose` (N, T, 3: x, y, yaw) is the expert's: its yaw turns the ego's box, and where the expert itself comes as
-    near, nothing is asked.
+    `true_pose` (N, T, 3: x, y, yaw) is the expert's pose: its yaw turns the ego's box, and places where the expert
+    comes as near do not count.
     """
     there = ~futures.isnan().any(-1) & (boxes[..., 8] > 0.5)[..., None]
     cos, sin = torch.cos(true_pose[..., 2])[:, None], torch.sin(true_pose[..., 2])[:, None]
@@ -128,7 +127,7 @@ def _away(points: Tensor, futures: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
 
 
 def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
-    """Compute the loss of the ego query's hints: the light ahead, and how near things are. It is not published.
+    """Compute the loss of the ego query's hints, the light ahead and the nearness of things; not a published loss.
 
     `facts` (N, 16) as `training.data.facts`: light, metres to its line, to a leader, ..., to a walker, to an obstacle.
     """
@@ -140,7 +139,7 @@ def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
 
 
 def pairs_table(found: Match, rows: int, targets: int) -> tuple[Tensor, Tensor]:
-    """Return the query matched to each of the first `targets` labels of a row: (N, K) queries, (N, K) whether any."""
+    """Return (queries, matched), both (N, K): the query of each of the first `targets` labels, whether there is one."""
     queries = torch.zeros(rows, targets, dtype=torch.int64, device=found.rows.device)
     known = torch.zeros(rows, targets, dtype=torch.bool, device=found.rows.device)
     near = found.targets < targets

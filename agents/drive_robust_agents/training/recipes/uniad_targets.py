@@ -1,7 +1,7 @@
-"""What UniAD's cells are taught: bodies and lines drawn on the bird's-eye grid, by dots instead of distances.
+"""Targets of UniAD's cells: bodies and lines drawn on the bird's-eye grid, by dots instead of distances.
 
-A box is a lattice of dots, a line a row of dots; a cell that holds a dot is filled. That costs a thousandth of asking
-each cell for its distance, and suits cells of different sizes. Points are metres in the ego frame (x forward, y right).
+A box is a lattice of dots, a line a row of dots; a cell with a dot is filled. Dots cost a thousandth of the distances
+of all cells, and suit cells of different sizes. Points are metres in the ego frame (x forward, y right).
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def occupied_by(boxes: Tensor, futures: Tensor, spec: BevSpec) -> Tensor:
 
 
 def own_way(boxes: Tensor, futures: Tensor) -> Tensor:
-    """Return (N, B, T, 2): where others go, metres along their own directions (forward, right) from where they are."""
+    """Return (N, B, T, 2) the ways of others: metres from their places along their own directions (forward, right)."""
     dx, dy = (futures - boxes[:, :, None, :2]).unbind(-1)
     sin, cos = boxes[:, :, None, 2], boxes[:, :, None, 3]
     return torch.stack((cos * dx + sin * dy, cos * dy - sin * dx), dim=-1)

@@ -1,4 +1,4 @@
-"""How the compact VAD is trained: sets of agents and map vectors by matching, a plan under constraints."""
+"""The training of the compact VAD: sets of agents and map vectors by matching, a plan under constraints."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ from pytest_drive_robust import CameraSpec
 __all__ = ["VadRecipe", "plan_loss"]
 
 _EVERY = 2
-"""Of the expert's future, 0.25 s apart, every second one is a waypoint."""
+"""Step between waypoints in the expert's future, whose columns are 0.25 s apart."""
 
 _WEIGHTS = {"collision": 1.0, "boundary": 1.0, "direction": 0.5}
 """The published weights of the constraints, relative to the plan's L1."""
 
 _PLAN = 4.0
-"""What the plan and its constraints count against perception (published: 1): a small network on few samples spends what
-it has on boxes and lines otherwise."""
+"""Weight of the plan and its constraints relative to perception. Published: 1, with which a small network on few
+samples learns mostly boxes and lines."""
 
 _HINTS = 0.5
 
 
 class VadRecipe:
-    """Everything is learnt at once, with what lies in each cell of the grid as an auxiliary target.
+    """Trains all heads at once, with dense labels of the grid's cells as an auxiliary target.
 
     Published (VAD-base): two stages, perception first. On few samples the plan's own gradient is needed from the start,
     and so are hints to the ego query: what the light ahead shows, how near a stop line, a leader, an obstacle are.
-    `robust` adds what deployment does to the inputs, see `bev_inputs`; the labels stay those of the truth.
+    `robust` adds deployment failures of the inputs, see `bev_inputs`; the labels stay true.
     """
 
     name = "vad"

@@ -1,7 +1,7 @@
 """VAD's constraints on a plan (Jiang et al. 2023, section 3.4): off bodies, inside the road, along the lane.
 
-All are 0 for a plan that keeps them and grow with how far it is from that. They are measured against the labels, where
-the published ones use the model's own predictions above a threshold: those of a compact model are too poor for long.
+Each loss is 0 for a plan within the constraint and grows with the violation. The constraints use the labels; the
+published ones use the model's own predictions above a threshold, which stay too poor for long in a compact model.
 Shapes: plans (N, T, 2) at 0.5, 1.0 ... s, boxes (N, B, 9), futures (N, B, T, 2), lanes (N, V, P, 2), kinds (N, V), all
 as in the samples: metres, ego frame (x forward, y right), NaN for none.
 """
@@ -21,7 +21,7 @@ SOLID_EDGE, ROUTE_LANE = 3, 0
 
 
 def collision_loss(plans: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
-    """Return by how much bodies come nearer than 3 m along and 1.5 m aside to a waypoint at its time; (N,)."""
+    """Return (N,) by how much bodies come nearer than 3 m along and 1.5 m aside to a waypoint at its time."""
     there = ~futures.isnan().any(-1) & (boxes[..., 8] > 0.5)[..., None]
     away = (plans[:, None] - futures.nan_to_num(_FAR_M)).abs()
     close = there & (away[..., 0] < _AHEAD_M) & (away[..., 1] < _ASIDE_M)
@@ -37,7 +37,7 @@ def boundary_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
 
 
 def direction_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
-    """Return the angle (rad) between steps and the route's lane, where they move within 2 m of it; (N,)."""
+    """Return (N,) the angle [rad] between moving steps and the route's lane, within 2 m of the lane."""
     start = torch.cat([torch.zeros_like(plans[:, :1]), plans[:, :-1]], dim=1)
     step = plans - start
     off, along = _nearest(plans, lanes, lane_kind == ROUTE_LANE)
@@ -49,7 +49,10 @@ def direction_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
 
 
 def _nearest(plans: Tensor, lanes: Tensor, wanted: Tensor) -> tuple[Tensor, Tensor]:
-    """Return metres (N, T) from the nearest piece of the wanted lines and its direction (N, T, 2); far without one."""
+    """Return the distance (N, T) [m] to the nearest piece of the wanted lines and its direction (N, T, 2).
+
+    The distance is large without such a line.
+    """
     start, piece = lanes[:, :, :-1].flatten(1, 2), lanes.diff(dim=2).flatten(1, 2)
     good = wanted[..., None].expand(-1, -1, lanes.shape[2] - 1).flatten(1)
     good = (good & ~(start + piece).isnan().any(-1))[:, None]

@@ -1,4 +1,4 @@
-"""The losses of VAD's sets of queries: agents, their paths, and map vectors, each matched to the labels at least cost.
+"""The losses of VAD's sets of queries (agents, their paths, map vectors), each matched to labels at least cost.
 
 Shapes as in the samples: boxes (N, B, 9), futures (N, B, T, 2), lanes (N, V, P, 2), kinds (N, V); metres, ego frame.
 Weights are the published ones (focal 2, L1 0.25 on boxes, 0.2 on paths), per positive, as a mean over the layers;
@@ -48,7 +48,7 @@ def class_of(kind: Tensor) -> Tensor:
 
 
 def box_labels(boxes: Tensor) -> Tensor:
-    """Return (N, B, 7) as the agent head tells them: x, y, sin, cos, log length, log width, speed."""
+    """Return (N, B, 7) in the agent head's terms: x, y, sin, cos, log length, log width, speed."""
     return torch.cat([boxes[..., :4], boxes[..., 4:6].clamp(min=0.1).log(), boxes[..., 6:7]], dim=-1)
 
 

@@ -1,4 +1,4 @@
-"""What the weather does to a picture: sky, light, haze, rain, wet roads."""
+"""Effects of the weather on a picture: sky, light, haze, rain, wet roads."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Air(NamedTuple):
     unit vector), which never comes from below 15 degrees. `night` is 0 by day and 1 when lamps are needed,
     `rain` 0..1, `shadow` the factor of the ground below a vehicle.
 
-    `mirror` 0..1 says how wet the ground is and `sheen` what it mirrors at flat angles. `disc` is the direction to the
-    sun (east, south, up; a unit vector), `glare` 0..1 how much it dazzles, and `cast` how far a shadow runs over the
-    ground, metres east and south per metre of height. `drops` 0..1 are on the lens.
+    `mirror` 0..1 is how wet the ground is, and `sheen` is what wet ground mirrors at flat angles. `disc` is the
+    direction to the sun (east, south, up; a unit vector), `glare` 0..1 how much the sun dazzles, and `cast` the length
+    of a shadow on the ground, metres east and south per metre of height. `drops` 0..1 is the rain on the lens.
     """
 
     sky_top: Colour
@@ -87,7 +87,7 @@ class Air(NamedTuple):
 
     @property
     def street_light(self) -> float:
-        """0..1: how brightly street lamps light the road; nothing before it is half dark."""
+        """Brightness of street lamps on the road, 0..1; 0 until it is half dark."""
         return self.night if self.night > 0.5 else 0.0
 
 
@@ -127,7 +127,7 @@ def _dust(weather: Weather) -> float:
 
 
 def _cast(weather: Weather, direct: float) -> tuple[float, float]:
-    """Return where shadows fall: away from the sun; nowhere at night and where too little `direct` light is left."""
+    """Return the shadow's (east, south) run per metre of height; (0, 0) at night and with too little `direct` light."""
     if direct < _LEAST_DIRECT or weather.sun_altitude_angle < 1.0:
         return 0.0, 0.0
     run = min(1.0 / tan(math.radians(min(weather.sun_altitude_angle, 89.0))), _LONGEST_SHADOW)

@@ -1,4 +1,4 @@
-"""Turns actors into boxes."""
+"""Turn actors into boxes."""
 
 from __future__ import annotations
 
@@ -41,9 +41,9 @@ def assemble(
 ) -> None:
     """Write the boxes of `actors` (k, 10) to `rows` from row `first` on.
 
-    Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: none when its kind has no parts. `parts` and `spans` come
-    from `looks.part_rows`, `paints` is `looks.PAINTS`; `rows` must have room for the longest span times k, `ends` for
-    k + 1. What blinks and swings is a function of `tick` and the actor's id only.
+    Actor k gets the rows from `ends[k]` up to `ends[k + 1]`: no rows when its kind has no parts. `parts` and `spans`
+    come from `looks.part_rows`, `paints` is `looks.PAINTS`. `rows` must have room for the longest span times k, `ends`
+    for k + 1. Blinking lamps and swinging legs depend only on `tick` and the actor's id.
     """
     at = first
     ends[0] = first

@@ -16,7 +16,7 @@ from pytest_drive_robust.jit.arrays import Floats
 
 X, Y, Z, COS, SIN, ALONG, WIDE, HIGH, FRONT, REAR, SIDES, RED, GREEN, BLUE, GLOW, MATERIAL, SEED, REACH = range(18)
 INSTANCE = 18
-"""Columns: see the fields of `Box`; `COS` and `SIN` are of its yaw, `INSTANCE` is the actor's id or -1."""
+"""Columns of a box row: the fields of `Box`; `COS` and `SIN` of the yaw; `INSTANCE` is the actor's id or -1."""
 BOX_COLUMNS = 19
 
 
@@ -33,9 +33,9 @@ class Material(IntEnum):
 class Box:
     """One box: centre x, y and bottom z in metres, yaw in radians, length, width, height in metres.
 
-    `sides_m` says by how much the top face is drawn in at each side (negative: it juts out). `colour` is RGB 0..255;
-    `glow` 0..1 is the share of it that needs no light; `seed` varies the pattern; farther away than `reach_m` the box
-    is not drawn.
+    `sides_m` is how far the top face is drawn in at each side (negative: the top juts out). `colour` is RGB 0..255;
+    `glow` 0..1 is the share of the colour that needs no light; `seed` varies the pattern; a box farther away than
+    `reach_m` is not drawn.
     """
 
     x_m: float

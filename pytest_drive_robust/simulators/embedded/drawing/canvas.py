@@ -1,4 +1,4 @@
-"""What the kernels are told of a camera (where it stands, what stands around it, its ground), and its memory."""
+"""Inputs of the camera kernels (view, boxes around the camera, ground), and the memory that the kernels draw in."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ LIGHT, EXTRA, PATTERN, ALONG_RIGHT, ALONG_UP, ALONG_FORWARD, START_M, DISTANCE_M
 FACE_COLUMNS = 20
 """Columns of `Canvas.table`, one row for each face that was drawn.
 
-At the place (u, v) of the picture a face is ACROSS * u + DOWN * v + OFFSET per metre near, within FARTHEST..NEAREST.
-BOX is its row among the boxes, SIDE 0 to 5 the front, right, rear, left, top and bottom. The rest is filled in by
-`shade.py` for faces that are seen: PACKED is the final colour 0x00BBGGRR where it is one for the whole face, else -1.
-RED, GREEN, BLUE (0..255) are lit but not yet behind any air; LIGHT and EXTRA are how sun and sky, and the ego's
-headlamps, light the face. With a PATTERN (not 0) ALONG is the unit vector from the face's first corner to its second
-in camera axes, START_M where the camera's centre lies on it, DISTANCE_M how far that is from the face's plane.
+The inverse depth (1/m) of a face at the place (u, v) of the picture is ACROSS * u + DOWN * v + OFFSET, within
+FARTHEST..NEAREST. BOX is the face's row among the boxes, SIDE 0 to 5 the front, right, rear, left, top and bottom.
+`shade.py` fills in the other columns of the faces that are seen. PACKED is the final colour 0x00BBGGRR of a face of one
+colour, else -1. RED, GREEN, BLUE (0..255) are lit but without haze; LIGHT and EXTRA are the light of sun and sky, and
+of the ego's headlamps, on the face. With a PATTERN (not 0) ALONG is the unit vector from the face's first corner to its
+second in camera axes, START_M where the camera's centre lies on it, DISTANCE_M how far that is from the face's plane.
 """
 UNLIT = -2.0
-"""PACKED of a face of which `shade.py` has not yet seen a pixel."""
-_MOST_FACES = 5  # of a box that are seen at once: a frustum seen from above shows its top and all four sides
+"""PACKED of a face before `shade.py` meets its first pixel."""
+_MOST_FACES = 5  # most faces of one box seen at once: a frustum seen from above shows its top and all four sides
 _LOWEST_M = 0.05
 
 
 class Canvas(NamedTuple):
-    """Arrays of one camera; (height, width) unless said otherwise.
+    """Arrays of one camera; (height, width) unless another shape is given.
 
     `pixels` (height, width, 3) uint8 is the picture, a view of `words`. `colours` is uint32, 0x00BBGGRR. `faces` int32
     says which row of `table` is seen there (0: ground or sky); `nearness` float32 is its inverse depth in 1/m.
@@ -58,7 +58,7 @@ class Canvas(NamedTuple):
 
     @classmethod
     def of(cls, width_px: int, height_px: int) -> Canvas:
-        """Return an empty canvas: nothing is seen yet."""
+        """Return an empty canvas of this size."""
         shape = (height_px, width_px)
         words = np.zeros((height_px * width_px * 3 + 3) // 4, np.uint32)
         return cls(
@@ -76,7 +76,7 @@ class Canvas(NamedTuple):
         )
 
     def with_room(self, boxes: int) -> Canvas:
-        """Return this canvas, or one that shares its arrays but has room for so many boxes."""
+        """Return this canvas, or a canvas with the same arrays and room for `boxes` boxes."""
         needed = 1 + boxes * _MOST_FACES
         if len(self.table) >= needed:
             return self
@@ -119,9 +119,9 @@ class CameraView(NamedTuple):
         )
 
 
-@functools.lru_cache(maxsize=64)  # asked for in every frame
+@functools.lru_cache(maxsize=64)  # called in every frame
 def _mount(camera: CameraSpec) -> tuple[float, float, float, float]:
-    """Return what all views of a camera share: its yaw, the focal length, cosine and sine of its pitch."""
+    """Return the camera's yaw, focal length, cosine and sine of its pitch, which all of its views share."""
     focal_px = camera.width_px / 2.0 / tan(math.radians(camera.fov_deg) / 2.0)
     return math.radians(camera.yaw_deg), focal_px, *cos_sin(math.radians(camera.pitch_deg))
 
@@ -136,10 +136,10 @@ class Headlamps(NamedTuple):
 
 
 class FrameScene(NamedTuple):
-    """What stands and moves in a frame.
+    """The boxes of one frame.
 
-    `rows` (n, BOX_COLUMNS) are boxes: up to `still` those that never move, then those of `actors` (k, 10), of which
-    actor i has the rows from `ends[i]` up to `ends[i + 1]`. `street_lamps` (m, 3) are the `lamp_places`.
+    `rows` (n, BOX_COLUMNS) are boxes: static boxes up to row `still`, then the boxes of `actors` (k, 10). Actor i has
+    the rows from `ends[i]` up to `ends[i + 1]`. `street_lamps` (m, 3) are the `lamp_places`.
     """
 
     rows: Floats2
@@ -150,10 +150,10 @@ class FrameScene(NamedTuple):
 
 
 class CameraGround(NamedTuple):
-    """What never changes for one camera on one map in one weather.
+    """The constant data of one camera on one map in one weather.
 
-    `rows` is from `ground_rows`, `sky` from `sky_rows`; `texels` and `levels` are a `GroundTexture`; `clear` (n,) is
-    the share of a colour that the air lets through, by steps of depth (see `shade.py`).
+    `rows` comes from `ground_rows`, `sky` from `sky_rows`. `texels` and `levels` are those of a `GroundTexture`.
+    `clear` (n,) is the share of a colour that the air lets through, by steps of depth (see `shade.py`).
     """
 
     rows: Floats2

@@ -1,4 +1,4 @@
-"""The compiled entry points: everything that one camera shows in one call, or which actors it sees."""
+"""The compiled entry points: draw one camera's whole picture in one call, or find the actors that the camera sees."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def draw_camera(
     street_light: float,
     tick: int,
 ) -> None:
-    """Draw what one camera sees: `canvas.pixels`."""
+    """Draw the picture of one camera to `canvas.pixels`."""
     draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
     draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
     draw_shadows(canvas, ground.rows, scene.actors, view, air)
@@ -51,7 +51,7 @@ def draw_camera(
 
 @entry
 def find_actors(canvas: Canvas, scene: FrameScene, view: CameraView, instance: Annotated[NDArray[np.int32], 2]) -> None:
-    """Write to `instance` (height, width) which actor each pixel of one camera shows; see `CameraRig.actors_seen`."""
+    """Write to `instance` (height, width) the actor id that each pixel shows; see `CameraRig.actors_seen`."""
     draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
     for row in range(instance.shape[0]):
         instance[row, :] = -1

@@ -1,4 +1,4 @@
-"""The solid things of a map that never move: buildings, traffic lights, stop signs, street lamps."""
+"""Boxes of the static objects of a map: buildings, traffic lights, stop signs, street lamps."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ LAMP_COLOURS = {
 
 @dataclass(frozen=True, slots=True)
 class Furniture:
-    """Box rows of everything that stands still, and which of them are lamps.
+    """Box rows of all static objects, and which rows are lamps of traffic lights.
 
-    `rows` is (n, BOX_COLUMNS). `lamp_rows`, `lamp_lines` and `lamp_states` (m,) say which row shines when the light of
-    which stop line has which `LightState`; `lit` and `dim` (m, 3) are the colours of a lamp that shines or not.
+    `rows` is (n, BOX_COLUMNS). Row `lamp_rows[i]` is lit while the light of stop line `lamp_lines[i]` has the
+    `LightState` `lamp_states[i]` (all (m,)). `lit` and `dim` (m, 3) are the colours of a lit and of a dark lamp.
     `street_lamps` (k, 3) are the `lamp_places`.
     """
 
@@ -59,7 +59,7 @@ class Furniture:
 
     @classmethod
     def of(cls, lane_map: LaneMap, *, night: float = 0.0) -> Furniture:
-        """Build the boxes of `lane_map`; street lamps shine by `night` 0..1."""
+        """Build the boxes of `lane_map`; `night` 0..1 is the brightness of street lamps."""
         boxes = [_building(index, building) for index, building in enumerate(lane_map.buildings)]
         lamps: list[tuple[int, int, LightState]] = []
         for index, line in enumerate(lane_map.stop_lines):
@@ -117,7 +117,7 @@ def _letter(line: StopLine, place: float) -> Box:
 
 
 def _octagon(line: StopLine, bottom_m: float, size_m: float, before_m: float) -> list[Box]:
-    """Return an upright plate of eight corners, `before_m` in front of the pole: a part of three boxes."""
+    """Return three boxes that form an upright octagonal plate, `before_m` in front of the pole."""
     heading = line.heading_rad
     x, y = line.pole_x_m - before_m * cos(heading), line.pole_y_m - before_m * sin(heading)
     corner = size_m * 0.293

@@ -1,8 +1,8 @@
-"""Draws sky and ground of one camera: for each row of pixels a straight walk over the ground texture.
+"""Draw sky and ground of one camera: for each row of pixels a straight walk over the ground texture.
 
-No camera of ours rolls, so that a row of pixels meets the ground at one depth and along a straight line: what depends
-on the row only is worked out once, in `ground_rows`. Rows far away are stretched over many texels in depth: they are
-averaged from several lines, which keeps stop lines and dashes calm. All sampling is in integers.
+Our cameras never roll, so a row of pixels meets the ground at one depth and along a straight line. `ground_rows`
+computes once the values that depend only on the row. A far row covers many texels in depth and is averaged from several
+lines, which keeps stop lines and dashes from flickering. All sampling is in integers.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _OUTSIDE = np.uint64((texture.FAR_TEXEL | (texture.FAR_TEXEL << 24)) & 0x00FF00F
 
 
 def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
-    """Return what a camera's rows of pixels have in common in every frame, (height, 13).
+    """Return (height, 13) values of a camera's rows of pixels, which are equal in every frame.
 
     `DEPTH` is the distance in metres along the optical axis at which a row meets the ground (0: it shows the sky) and
     `AHEAD` the distance along the ground; `LEVEL` of the texture is sampled on so many `LINES`, whose depth and ground
@@ -109,7 +109,7 @@ def draw_ground(
 
 @inner
 def _row_light(ground: Floats, view: CameraView, air: Air) -> tuple[Triple, Triple]:
-    """Return what the summed samples of a row are multiplied with, and what is added: haze and, on wet ground, sky."""
+    """Return the factor for the summed samples of a row, and the colour to add: haze and, on wet ground, sky."""
     flat = 1.0 - view.z_m / math.sqrt(ground[AHEAD] * ground[AHEAD] + view.z_m * view.z_m)
     mirrored = _MIRROR * air.mirror * flat * flat * flat * flat
     lit = (air.ambient + air.diffuse * max(air.sun[2], 0.0)) * ground[CLEAR] * (1.0 - mirrored) / ground[LINES]
@@ -162,7 +162,7 @@ def _light_by_night(
     lamps: Headlamps,
     start_px: float,
 ) -> None:
-    """Do as `_light_by_day`, with the ego's headlamps: a cone that widens and fades."""
+    """Light a run of ground as `_light_by_day` does, and add the ego's headlamps: a cone that widens and fades."""
     # the run in the ego's axes: forward and right are linear in u
     cos_ego, sin_ego = compiled.cos(lamps.yaw_rad), compiled.sin(lamps.yaw_rad)
     step = ground[DEPTH] / view.focal_px
@@ -205,7 +205,7 @@ def add_line(
     """Add bilinear samples to `sums`: red in bits 0 to 15, blue in 16 to 31, green in 32 to 47.
 
     The line runs across the picture `depth` metres along the optical axis and `ahead` metres along the ground; `sums`
-    begins `start_px` pixels right of the picture's middle. Where `level` has no texels a coarser one has.
+    begins `start_px` pixels right of the picture's middle. Where `level` has no texels, a coarser level is sampled.
     """
     near, wide = _walks(levels, level, view, depth, ahead, start_px)
     low, high = _inside(near, 0, len(sums))
@@ -224,7 +224,7 @@ def add_line(
 def _walks(
     levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
 ) -> tuple[Walk, Walk]:
-    """Return a line in the texels of `level` and of one that covers the wide region, one step a pixel."""
+    """Return a line in the texels of `level` and in those of a level of the wide region, one step per pixel."""
     step = depth / view.focal_px
     side = (start_px + 0.5) * step
     x = view.x_m + ahead * view.cos_yaw - side * view.sin_yaw
@@ -254,7 +254,7 @@ def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) 
 
 @inner
 def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
-    """Return the steps of `first`..`end` that lie within the texture: from the first result up to the second."""
+    """Return (first, end) of the steps in `first`..`end` that lie within the texture."""
     i, j, di, dj, columns, rows, _ = walk
     low, high = _within(i, di, (columns - 1) << _FRACTION_BITS, first, end)
     low, high = _within(j, dj, (rows - 1) << _FRACTION_BITS, low, high)
@@ -267,7 +267,7 @@ def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[in
     if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
         return first, end
     if step < 0:
-        # the same places, mirrored: the last allowed one becomes the first
+        # mirrored, so that the step is positive below
         start, step = limit - 1 - start, -step
     if step == 0:
         return (first, end) if 0 <= start < limit else (end, end)
@@ -295,7 +295,7 @@ def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, fi
         top = (one << _FOUR) + (other - one) * a
         one, other = _spread(np.uint64(texels[lower])), _spread(np.uint64(texels[lower + _ONE]))
         bottom = (one << _FOUR) + (other - one) * a
-        # a difference may borrow from its neighbour: the sum gives it back
+        # a negative difference borrows from the neighbouring channel; the sum restores the borrow
         mean = (top << _FOUR) + (bottom - top) * b
         sums[np.uintp(u)] += (mean >> _EIGHT) & _RED_BLUE_GREEN
         i += di

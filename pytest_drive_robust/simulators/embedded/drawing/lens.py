@@ -1,7 +1,4 @@
-"""What lies between the scene and the picture: rain, drops on the lens, the glare of a low sun.
-
-All of it is drawn over a finished picture.
-"""
+"""Draw rain, drops on the lens and the glare of a low sun over a finished picture."""
 
 from __future__ import annotations
 
@@ -80,7 +77,7 @@ def _blend(
 
 @inner
 def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
-    """Draw round drops, each for 2.5 s at its place, that show what is around them upside down."""
+    """Draw round drops, each for 2.5 s at one place, that show their surroundings upside down."""
     height, width = image.shape[0], image.shape[1]
     for drop in range(int(1.0 + strength * (_MOST_DROPS - 1))):
         word = _hash((tick + drop * 17) // _DROP_TICKS, drop + 1000)
@@ -110,7 +107,7 @@ def _drops(image: NDArray[np.uint8], tick: int, strength: float) -> None:
 
 @inner
 def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: Air) -> None:
-    """Draw the disc of the sun and a glow around it, weaker behind something."""
+    """Draw the disc of the sun and a glow around the disc, weaker when a box hides the sun."""
     height, width = image.shape[0], image.shape[1]
     x, y, z = air.disc
     ahead, right = x * view.cos_yaw + y * view.sin_yaw, y * view.cos_yaw - x * view.sin_yaw
@@ -136,9 +133,9 @@ def _sun(image: NDArray[np.uint8], faces: NDArray[Any], view: CameraView, air: A
 
 @inner
 def _glow(image: NDArray[np.uint8], faces: NDArray[Any], u: float, v: float, reach: float, strength: float) -> None:
-    """Blend the sun's colour in around (u, v), less and less up to `reach` pixels away.
+    """Blend the sun's colour in around (u, v), fading out at `reach` pixels.
 
-    Less also over boxes: what is before the sun keeps its colour, and a traffic light can still be told.
+    Boxes are blended less, so that a traffic light before the sun keeps a recognizable colour.
     """
     height, width = image.shape[0], image.shape[1]
     red, green, blue = np.float32(_SUN_RED), np.float32(_SUN_GREEN), np.float32(_SUN_BLUE)

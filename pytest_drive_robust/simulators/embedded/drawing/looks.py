@@ -1,4 +1,4 @@
-"""What each kind of actor looks like: boxes in shares of the actor's own length, width and height."""
+"""Appearance of each kind of actor: boxes in shares of the actor's own length, width and height."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Colour = tuple[float, float, float]
 
 
 class Role(IntEnum):
-    """What decides the colour, and whether the part is there at all."""
+    """The rule for the colour and the visibility of a part."""
 
     FIXED = 0
     """`Part.colour`."""
@@ -39,9 +39,9 @@ class Role(IntEnum):
 class Part:
     """One box of an actor.
 
-    `x`, `y` (centre, forward and right) and `z` (bottom) are shares of the actor's length, width and height, and so are
-    `length`, `width`, `height`; `front`, `rear` and `sides` draw the top in by a share of the part's own length and
-    width. `reach_m`: not drawn from farther away.
+    `x`, `y` (centre, forward and right), `z` (bottom), `length`, `width` and `height` are shares of the actor's length,
+    width and height. `front`, `rear` and `sides` draw the top in by a share of the part's own length and width. A part
+    farther away than `reach_m` is not drawn.
     """
 
     x: float

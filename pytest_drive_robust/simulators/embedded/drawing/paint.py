@@ -1,4 +1,4 @@
-"""Draws the ground of a map from above: what each place is made of, and where there is paint."""
+"""Draw the ground of a map from above: the material and the paint of each place."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Region:
         """Return the smallest region of whole texels that keeps `margin_m` around every one of `points` (n, 2)."""
         low = np.floor((points[:, :2].min(axis=0) - margin_m) / texel_m)
         high = np.ceil((points[:, :2].max(axis=0) + margin_m) / texel_m)
-        # an even number of texels halves without remainder
+        # even, so that a coarser level halves without remainder
         columns, rows = (int(extent) + int(extent) % 2 for extent in high - low)
         return cls(float(low[0] * texel_m), float(low[1] * texel_m), columns, rows, texel_m)
 
@@ -76,7 +76,7 @@ class GroundSheet:
 
 
 def paint_ground(lane_map: LaneMap, region: Region) -> GroundSheet:
-    """Paint everything flat that `lane_map` has in `region`: lanes, lane lines, stop lines, crossings."""
+    """Paint the lanes, lane lines, stop lines and crosswalks of `lane_map` in `region`."""
     shape = (region.rows, region.columns)
     sheet = GroundSheet(region, np.full(shape, GRASS, np.uint8), np.zeros(shape, np.uint8), np.zeros(shape, np.uint8))
     lanes = [lane for lane in lane_map.lanes if region.touches(lane.centre[:, :2], lane.width_m)]
@@ -119,7 +119,7 @@ def _beside(centre: Floats, offset_m: float) -> Floats:
 
 
 def _strip(target: Bytes, region: Region, centre: Floats, offsets_m: tuple[float, float], value: int) -> None:
-    # One convex quad after the other: cv2.fillPoly is even-odd, so a strip that overlaps itself would cancel.
+    # Quad by quad: cv2.fillPoly fills even-odd, so a strip that overlaps itself would cancel.
     left, right = (region.pixels(_beside(centre, offset_m)) for offset_m in offsets_m)
     for row in range(len(centre) - 1):
         corners = np.stack((left[row], left[row + 1], right[row + 1], right[row]))
@@ -131,7 +131,7 @@ def _quad(target: Bytes, region: Region, corners: Floats) -> None:
 
 
 def rectangle(x_m: float, y_m: float, yaw_rad: float, length_m: float, width_m: float) -> Floats:
-    """Return its corners (4, 2): front right and left, rear left and right."""
+    """Return the corners (4, 2) of a rectangle in metres: front right, front left, rear left, rear right."""
     c, s = scalars.cos(yaw_rad), scalars.sin(yaw_rad)
     along, across = np.array((c, s)) * length_m / 2.0, np.array((-s, c)) * width_m / 2.0
     return np.array((x_m, y_m)) + np.stack((along + across, along - across, -along - across, -along + across))
@@ -150,7 +150,7 @@ def _lane_lines(sheet: GroundSheet, lanes: tuple[Lane, ...], lane: Lane) -> None
 
 
 def _draws(lanes: tuple[Lane, ...], lane: Lane, line: str, neighbour: int) -> bool:
-    """Return whether `lane` draws a line that it shares: two sets of dashes would fill each other's gaps."""
+    """Return whether `lane`, not its neighbour, draws their shared line: two sets of dashes would fill the gaps."""
     if neighbour < 0:
         return True
     other = lanes[neighbour]
@@ -183,7 +183,7 @@ def _stations(start_m: float, end_m: float) -> Floats:
 
 
 def _zebra(sheet: GroundSheet, corners: Floats) -> None:
-    """Paint white bars across a crossing (4, 2), one beside the other along its longer side: the way people walk."""
+    """Paint white bars across a crosswalk (4, 2), side by side along its longer side, where people walk."""
     first, second = corners[1] - corners[0], corners[3] - corners[0]
     if hypot(*first) < hypot(*second):
         first, second = second, first

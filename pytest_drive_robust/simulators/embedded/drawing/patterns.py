@@ -1,7 +1,7 @@
-"""Runs of pixels of one face: of one colour, or with a pattern.
+"""Draw runs of pixels of one face, in one colour or with a pattern.
 
-The loops are in float32 without branches, so that the compiler turns them into vector instructions; nothing is
-reordered, so that the bits stay the same.
+The loops are in float32 without branches, so that the compiler emits vector instructions. No sum is reordered, so the
+bits of a picture never change.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ Place = tuple[float, float, float, float, float]
 
 SILL_M, FLOOR_M, _BAY_M = 1.0, 3.1, 3.2
 WINDOW_HIGH, _WINDOW_WIDE = 0.5, 0.45
-"""Windows begin so high above the ground, and one fills such a share of every floor and bay."""
+"""Height of the first windows above the ground [m], and the share of a bay's width that a window fills."""
 
 _LIT_SHARE_OF_256 = 90
 _0, _HALF, _1, _2, _255 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0, 255.0))
@@ -26,7 +26,7 @@ _0, _HALF, _1, _2, _255 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0,
 
 @inner
 def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> int:
-    """Return a lit colour behind so much air, 0x00BBGGRR."""
+    """Return a lit colour 0x00BBGGRR behind air that lets the share `left` through."""
     lost = _1 - left
     r, g, b = (
         red * left + haze[0] * lost + _HALF,
@@ -40,7 +40,7 @@ def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> i
 
 @inner
 def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
-    """Draw one lit colour. `through` is what the air lets through at the first pixel and how that changes per pixel."""
+    """Draw one lit colour. `through`: the share that the air lets through at the first pixel, its change per pixel."""
     left, change = through
     for u in range(len(colours)):
         colours[u] = _pack(own[0], own[1], own[2], haze, left + np.float32(u) * change)

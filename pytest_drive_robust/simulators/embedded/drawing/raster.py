@@ -1,8 +1,8 @@
-"""Which face of which box is seen in each pixel of one camera, exact in depth: geometry only, no colour.
+"""Find which face of which box each pixel of one camera shows, exact in depth: geometry only, no colour.
 
-Faces are clipped at the near plane in camera coordinates (right, up, forward), projected, and filled row by row; the
-inverse depth of a plane is linear in the picture, so that the depth test is exact in every pixel. Colours are looked up
-afterwards, once, in `shade.py`.
+Faces are clipped at the near plane in camera coordinates (right, up, forward), projected, and filled row by row. The
+inverse depth of a plane is linear in the picture, so the depth test is exact in every pixel. `shade.py` computes the
+colours afterwards, once per pixel.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ _X, _Y, _LENGTH, _WIDTH, _HEIGHT = WorldState.X, WorldState.Y, WorldState.LENGTH
 _SIDES = 4
 _SQUARE_ON = 0.4
 NEAR_M = 0.1
-"""What is nearer to the camera than this plane is cut away."""
+"""Distance of the near plane from the camera; nearer parts of boxes are cut away."""
 _SMALLEST_AREA_PX2 = 1e-6
-# Corners: front left, front right, rear right, rear left at the bottom, then the same at the top. Each face's corners
-# are clockwise in the picture when it is seen from outside.
+# Corners: front left, front right, rear right, rear left at the bottom, then at the top. The corners of a face are
+# clockwise in the picture when the face is seen from outside.
 _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4, 5, 6, 7), (3, 2, 1, 0)), np.int64)
 
 
 @inner
 def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Floats, view: CameraView) -> None:
-    """Draw boxes into `canvas.faces` and `canvas.nearness`, with a row of `canvas.table` for each face.
+    """Draw boxes into `canvas.faces` and `canvas.nearness`; write a row of `canvas.table` for each face.
 
-    `rows` holds the boxes that stand still, up to row `still`, then those of `actors` (k, 10), from `ends[k]` up to
-    `ends[k + 1]`. What is near is drawn first, so that most of what it hides is never filled; the parts of an actor
-    keep their order, and of two faces equally near the one drawn first is seen.
+    `rows` holds the static boxes up to row `still`, then the boxes of `actors` (k, 10): actor k has the rows from
+    `ends[k]` up to `ends[k + 1]`. Near boxes are drawn first, so that most hidden faces are never filled. The parts of
+    an actor keep their order; if two faces are equally near, the face drawn first is seen.
     """
     _wipe(canvas)
     corners, seen, cut = np.empty((8, 3)), np.empty((8, 3)), np.empty((8, 3))
@@ -52,7 +52,7 @@ def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Flo
 
 @inner
 def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
-    """Fill `canvas.order` with what is in sight: boxes that stand still by row, actors by `still` + row."""
+    """Fill `canvas.order` with the things in sight, near to far: static boxes by row, actors by `still` + row."""
     order, keys = canvas.order, canvas.keys
     height, width = canvas.faces.shape
     count = 0
@@ -66,7 +66,7 @@ def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view:
         else:
             a = actors[thing - still]
             middle = _to_camera(a[_X], a[_Y], 0.5 * a[_HEIGHT], view)
-            # half as much again: parts may stick out
+            # 0.75 of the diagonal instead of 0.5, because parts may stick out of the actor's box
             radius = 0.75 * math.sqrt(a[_LENGTH] * a[_LENGTH] + a[_WIDTH] * a[_WIDTH] + a[_HEIGHT] * a[_HEIGHT])
         if not _in_sight(middle, radius, view.focal_px, width, height):
             continue
@@ -128,7 +128,7 @@ def _draw_box(
     radius, forward = _radius(b), middle[2]
     if forward > b[box.REACH] or not _in_sight(middle, radius, view.focal_px, width, height):
         return used
-    # what shines is seen however small it is
+    # a lamp is drawn however small it is
     if b[box.GLOW] == 0.0 and 2.0 * radius * view.focal_px < _SMALLEST_PX * forward:
         return used
     whole = _place_corners(corners, b, middle, view) >= NEAR_M
@@ -140,7 +140,7 @@ def _draw_box(
             seen[corner, 2] = inverse
         if _hidden(canvas, seen):
             return used
-    # where the camera is, in the box's axes
+    # the camera's place in the box's axes
     dx, dy = view.x_m - b[box.X], view.y_m - b[box.Y]
     ahead, right = dx * b[box.COS] + dy * b[box.SIN], dy * b[box.COS] - dx * b[box.SIN]
     away = _SQUARE_ON * math.sqrt(dx * dx + dy * dy + middle[1] * middle[1])
@@ -161,7 +161,7 @@ def _draw_box(
 
 @inner
 def _hidden(canvas: Canvas, seen: Floats) -> bool:
-    """Return whether all in the rectangle around projected corners is already nearer than the nearest of them."""
+    """Return whether each pixel around the projected corners already shows a face nearer than the nearest corner."""
     height, width = canvas.faces.shape
     low_u, high_u = bounds(seen, 8, 0)
     low_v, high_v = bounds(seen, 8, 1)
@@ -202,7 +202,7 @@ def _place_corners(corners: Floats, b: Floats, middle: Triple, view: CameraView)
 
 @inner
 def pick(seen: Floats, side: int, cut: Floats) -> int:
-    """Copy a face's projected corners to `cut`; return 4, or 0 when it looks away."""
+    """Copy a face's projected corners to `cut`; return 4, or 0 when the face looks away from the camera."""
     a, b, c, d = _CORNERS[side, 0], _CORNERS[side, 1], _CORNERS[side, 2], _CORNERS[side, 3]
     across_u, across_v = seen[c, 0] - seen[a, 0], seen[c, 1] - seen[a, 1]
     other_u, other_v = seen[d, 0] - seen[b, 0], seen[d, 1] - seen[b, 1]
@@ -216,7 +216,7 @@ def pick(seen: Floats, side: int, cut: Floats) -> int:
 
 @inner
 def clip(corners: Floats, side: int, cut: Floats, view: CameraView, width: int, height: int) -> int:
-    """Do as `pick` for a face that the near plane cuts; return how many corners are left, or 0."""
+    """Clip a face at the near plane, project it to `cut`; return its number of corners, 0 if it is tiny or averted."""
     count = 0
     for place in range(4):
         here, there = _CORNERS[side, place], _CORNERS[side, (place + 1) % 4]
@@ -254,7 +254,7 @@ def bounds(cut: Floats, count: int, column: int) -> tuple[float, float]:
 
 @inner
 def _plane(entry: Floats, cut: Floats, count: int) -> bool:
-    """Fill in how near a face is over the picture, from its projected corners; False when it is seen edge on."""
+    """Compute a face's inverse depth over the picture from its projected corners; return False for one seen edge on."""
     # two diagonals span the plane, also where an edge has shrunk to nothing
     last = min(count - 1, 3)
     au, av, aw = cut[2, 0] - cut[0, 0], cut[2, 1] - cut[0, 1], cut[2, 2] - cut[0, 2]
@@ -271,7 +271,7 @@ def _plane(entry: Floats, cut: Floats, count: int) -> bool:
 
 @inner
 def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
-    """Fill a projected face; False when it meets no pixel. With `keep` it has at least one a row: poles stay whole."""
+    """Fill a projected face; return False when it meets no pixel. `keep` fills at least one pixel a row, for poles."""
     height, width = canvas.faces.shape
     low_u, high_u = bounds(cut, count, 0)
     low_v, high_v = bounds(cut, count, 1)
@@ -281,7 +281,7 @@ def fill(canvas: Canvas, at: int, cut: Floats, count: int, keep: bool) -> bool:
         return False
     edges, touched, entry = canvas.edges, canvas.touched, canvas.table[at]
     if first_row == last_row:
-        # between the middles of two rows no edge may be met
+        # a face lower than a row may cross no row's middle: start from its whole width
         edges[first_row, 0], edges[first_row, 1] = low_u, high_u
     _trace(edges, cut, count, first_row, last_row)
     across, down, offset = entry[face.ACROSS], entry[face.DOWN], entry[face.OFFSET]
@@ -329,7 +329,7 @@ def _trace(edges: Floats, cut: Floats, count: int, first_row: int, last_row: int
 
 @inner
 def _pixels(low: float, high: float, size: int, keep: bool) -> tuple[int, int]:
-    """Return the first and last pixel whose centre lies in low..high; where none does and `keep`, the middle one."""
+    """Return the first and last pixel whose centre lies in low..high; if none does, with `keep` the middle pixel."""
     first, last = int(max(low, 0.0) + 0.5), int(min(max(high, 0.0), float(size)) + 0.5) - 1
     if last < first and keep and high >= 0.0 and low < size:
         first = last = min(int(0.5 * (max(low, 0.0) + high)), size - 1)

@@ -1,4 +1,4 @@
-"""The colours of what `raster.py` has found: each face is lit once, each pixel coloured once."""
+"""Colour the faces that `raster.py` has found: light each face once, colour each pixel once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from pytest_drive_robust.simulators.embedded.drawing.patterns import (
 Lens = tuple[float, float, float, float, float, float, float]
 
 CLEAR_STEPS_PER_M = 4
-"""How finely `clear`, the share of light that the air lets through, is tabulated over depth."""
+"""Entries per metre of depth in `clear`, the table of the share of light that the air lets through."""
 
 _STRIPES, _RIBS = int(box.Material.STRIPES), int(box.Material.RIBS)
 _SIDES = 4
@@ -124,7 +124,7 @@ def _outward(b: Floats, side: int) -> Triple:
 
 @inner
 def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraView) -> None:
-    """Fill in how metres along a patterned face follow from places in the picture."""
+    """Compute the columns that map a place in the picture to metres along a patterned face."""
     half_length, half_width = 0.5 * b[box.ALONG], 0.5 * b[box.WIDE]
     # the face's first corner and the way to its second, in the box's axes
     if side == 0:
@@ -147,7 +147,7 @@ def _lay_out(entry: Floats, b: Floats, normal: Triple, side: int, view: CameraVi
 
 @inner
 def _clear(depth_m: float, clear: NDArray[np.float32], glow: float) -> float:
-    """Return what the air lets through from a place so far away; of a lamp it lets through more."""
+    """Return the share of light that the air lets through over `depth_m`; more for a lamp (`glow`)."""
     steps = min(CLEAR_STEPS_PER_M * depth_m, float(len(clear) - 1))
     left = float(clear[int(steps)])
     return left + (1.0 - left) * _LAMP_THROUGH_HAZE * glow
@@ -182,7 +182,7 @@ def _draw_run(
     air: Air,
     clear: NDArray[np.float32],
 ) -> None:
-    """Colour one run of pixels of one face; what the air lets through is interpolated between its ends."""
+    """Colour one run of pixels of one face; the air's share is interpolated between the ends of the run."""
     glow, last = entry[face.GLOW], len(colours) - 1
     near_start, near_end = float(nearness[0]), float(nearness[last])
     depth_start, depth_end = 1.0 / near_start, 1.0 / near_end
@@ -219,7 +219,7 @@ def _draw_run(
 
 @inner
 def _between_floors(up_m: float, other_m: float, pixels_per_m: float) -> bool:
-    """Return whether a run that goes from one height to another meets no window."""
+    """Return whether a run of pixels from height `up_m` to `other_m` meets no window."""
     phase, other = (up_m - SILL_M) * _PER_FLOOR, (other_m - SILL_M) * _PER_FLOOR
     floor, edge = math.floor(phase), 0.5 / max(FLOOR_M * pixels_per_m, 1e-6)
     phase, other = phase - floor, other - floor
@@ -258,7 +258,7 @@ def pack_pixels(words: Packed, colours: Packed) -> None:
         words[3 * block + 1] = (b >> np.uint32(8)) | (c << np.uint32(16))
         words[3 * block + 2] = (c >> np.uint32(16)) | (d << np.uint32(8))
     for at in range(4 * whole, len(flat)):
-        # what is left over fills the last words byte by byte
+        # the remaining pixels do not fill whole words: write byte by byte
         for channel in range(3):
             byte = 3 * at + channel
             shift = np.uint32(8 * (byte % 4))

@@ -1,4 +1,4 @@
-"""Shadows on the ground: below every actor, and where the sun throws them."""
+"""Draw the shadows of actors on the ground: below each actor, and away from the sun."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ def draw_shadows(canvas: Canvas, rows: Floats, actors: Floats, view: CameraView,
 
 @inner
 def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: Air) -> None:
-    """Darken what the outline of an actor, a little grown, sweeps over on its way along the sun's light."""
+    """Darken the ground that an actor's slightly enlarged outline sweeps over along the direction of sunlight."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
     c, s = cos(actor[_YAW]), sin(actor[_YAW])
     long, wide = 0.5 * actor[_LENGTH] + _MARGIN_M, 0.5 * actor[_WIDTH] + _MARGIN_M
-    # its middle, its axis and the sweep in the camera's level axes
+    # the actor's middle, axis and sweep in the camera's level axes
     dx, dy = actor[_X] - view.x_m, actor[_Y] - view.y_m
     ahead, aside = dx * view.cos_yaw + dy * view.sin_yaw, dy * view.cos_yaw - dx * view.sin_yaw
     cos_turn, sin_turn = c * view.cos_yaw + s * view.sin_yaw, s * view.cos_yaw - c * view.sin_yaw
@@ -56,7 +56,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: 
         low, high = _slab(forward * cos_turn, sin_turn, min(along, 0.0) - long, max(along, 0.0) + long, -1e9, 1e9)
         low, high = _slab(-forward * sin_turn, cos_turn, min(across, 0.0) - wide, max(across, 0.0) + wide, low, high)
         if swept > 0.01:
-            # and between the two lines along the sweep that touch the outline
+            # clip to the band between the two lines along the sweep that touch the outline
             half = (abs(across) * long + abs(along) * wide) / swept
             start, slope = -forward * sweep_aside / swept, sweep_ahead / swept
             low, high = _slab(start, slope, -half, half, low, high)
@@ -73,7 +73,7 @@ def _shadow(canvas: Canvas, rows: Floats, actor: Floats, view: CameraView, air: 
 
 @inner
 def row_of(ahead_m: float, view: CameraView, height: int) -> int:
-    """Return the row of pixels that shows the ground so far ahead, within the picture."""
+    """Return the row of pixels that shows the ground `ahead_m` ahead, limited to the picture."""
     forward = ahead_m * view.cos_pitch - view.z_m * view.sin_pitch
     if forward < 0.01:
         return height - 1

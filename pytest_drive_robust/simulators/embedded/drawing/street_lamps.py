@@ -1,4 +1,4 @@
-"""Street lamps: where they stand, what they look like, and the light that they throw on the road."""
+"""Street lamps: places, boxes, and the light on the road."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _BRIGHTER = 3.4
 _BRIGHTEST = 150.0
 _FARTHEST_M = 70.0
 _FLATTEST = -0.01
-"""A row of pixels that falls less than this shows no ground."""
+"""Slope of a row of pixels above which the row shows no ground."""
 _0, _1, _255 = np.float32(0.0), np.float32(1.0), np.float32(255.0)
 _FADE, _DARKER = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(1.0 / (3.0 * _BRIGHTEST))
 _GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
@@ -40,7 +40,7 @@ _GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
 def lamp_places(lane_map: LaneMap) -> Floats:
     """Return the feet of the lamps, (n, 3): x, y in metres and the direction to the road in radians.
 
-    One every 30 m along the right edge of every road (beyond parking and biking lanes), none where that is a lane.
+    A lamp stands every 30 m along the right edge of each road, beyond parking and biking lanes, unless on another lane.
     """
     roads = [lane for lane in lane_map.lanes if lane.kind != LaneKind.SIDEWALK]
     points = np.concatenate([lane.centre[:, :2] for lane in roads]) if roads else np.zeros((0, 2))
@@ -90,7 +90,7 @@ def lamp_boxes(places: Floats, *, night: float) -> list[Box]:
 
 @inner
 def draw_pools(canvas: Canvas, places: Floats, view: CameraView, haze_per_m: float, strength: float) -> None:
-    """Brighten the ground below the lamps at `places` by `strength` 0..1; what is bright already gains less."""
+    """Brighten the ground below the lamps at `places` by `strength` 0..1; bright pixels gain less."""
     colours, faces = canvas.colours, canvas.faces
     height, width = colours.shape
     nearest_m = _nearest_ground_m(view, height)
@@ -148,7 +148,7 @@ def _pool_row(
 def _lighten(
     colours: NDArray[np.uint32], faces: NDArray[np.int32], nearest: float, start: float, step: float, gain: float
 ) -> None:
-    """Multiply what is ground; in float32 and without branches, so that it becomes vector instructions."""
+    """Brighten the ground pixels of a row; in float32 without branches, so that the compiler emits vector code."""
     for u in range(len(colours)):
         colour = np.int32(colours[u])
         red, green, blue = (

@@ -19,9 +19,9 @@ _NEAR_MARGIN_M = 30.0
 _WIDE_MARGIN_M = 110.0
 _NEAR_TEXEL_M = 0.1
 _MOST_TEXELS = 100_000_000
-"""In the near region: texels are coarser around routes so long that a gigabyte would not hold them."""
+"""Most texels of the near region; finer texels around a very long route would need more than a gigabyte."""
 NEAR_LEVELS = 2
-"""So many levels cover the route's surroundings only, the others a wide region."""
+"""Number of levels that cover only the route's surroundings; the other levels cover a wide region."""
 _LEVELS = 7
 _CACHED_TEXTURES, _CACHED_BYTES = 12, 256 * 2**20
 
@@ -58,7 +58,7 @@ _lock = threading.Lock()
 def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
     """Return the ground of `lane_map` around the points `around` (n, 2 or more).
 
-    The ones used last are kept, by their content, up to 256 MiB: a process drives few maps many times.
+    The textures used last stay cached by content, up to 256 MiB, because a process drives few maps many times.
     """
     near, wide = texture_regions(around)
     key = _digest(lane_map, near, wide)
@@ -70,7 +70,7 @@ def ground_texture(lane_map: LaneMap, around: Floats) -> GroundTexture:
 
 
 def texture_regions(around: Floats) -> tuple[Region, Region]:
-    """Return the regions of the first and of the wide levels; texels of 0.1 m, twice as large as often as it takes."""
+    """Return the regions of the near and of the wide levels; texels of 0.1 m, doubled until the region fits."""
     texel_m = _NEAR_TEXEL_M
     near = Region.around(around, _NEAR_MARGIN_M, texel_m=texel_m)
     while near.columns * near.rows > _MOST_TEXELS:
@@ -89,7 +89,7 @@ def _build(lane_map: LaneMap, near: Region, wide: Region) -> GroundTexture:
     for _ in range(NEAR_LEVELS):
         pictures.append((picture, region))
         picture, region = _halved(picture), _halved_region(region)
-    # The wide sheet is drawn one level finer than its first kept level: thin paint needs the averaging.
+    # The wide sheet is drawn one level finer than its first kept level, because thin paint needs the averaging.
     picture, region = pack_sheet(paint_ground(lane_map, wide)), wide
     for _ in range(NEAR_LEVELS, _LEVELS):
         picture, region = _halved(picture), _halved_region(region)
@@ -134,7 +134,7 @@ def _pack(
     white_colour: Floats1,
     yellow_colour: Floats1,
 ) -> Packed2:
-    """Return the colours of a sheet."""
+    """Return the colours of a sheet, (rows, columns) uint32, 0x00BBGGRR."""
     rows, columns = material.shape
     packed = np.empty((rows, columns), np.uint32)
     for i in range(rows):

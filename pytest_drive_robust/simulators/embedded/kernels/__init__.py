@@ -1,1 +1,1 @@
-"""The tick of the world, compiled. Python calls `entry_points`; the other modules are compiled into them."""
+"""The compiled tick of the world. Python calls `entry_points`; the other modules are compiled into these functions."""

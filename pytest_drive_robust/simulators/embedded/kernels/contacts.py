@@ -1,4 +1,4 @@
-"""Who touches the ego, what that does to both, and the list of what went wrong."""
+"""Find the bodies that touch the ego, apply the effect of a contact to both, and record events."""
 
 from __future__ import annotations
 
@@ -45,14 +45,14 @@ def overlap(
 
 @inner
 def _was_hit_here(world: WorldArrays) -> bool:
-    """Return True within 5 m of the place of the last collision: another one there is the same one."""
+    """Return whether the ego is within 5 m of its last collision, where a contact counts as that collision."""
     ego, criteria = world.ego, world.criteria
     return hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
 
 
 @inner
 def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> None:
-    """Note at most one event per 5 s and actor, per 5 m of road, and none while standing; push the ego out."""
+    """Record a contact, once per actor and 5 s, once per 5 m of road, never for a standing ego; push the ego out."""
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
     again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
@@ -63,7 +63,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
             world.actor_ints[i, c.I_LAST_HIT] = world.clock[0]
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
-        # who does not see all and touches an ego that stands scrapes past: stopping there would block both for ever
+        # an actor that does not see all scrapes past a standing ego, because stopping would block both for ever
         if v >= c.STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
             world.actor_ints[i, c.I_STUN] = STUN_TICKS
             _wake_flow(world, world.actor_ints[i, c.I_FLOW])
@@ -84,7 +84,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
 
 @inner
 def _wake_flow(world: WorldArrays, flow: int) -> None:
-    """Make the drivers of a flow see what is ahead: who gives way to nobody does so until one of them is hit."""
+    """Make all drivers of a flow brake for bodies ahead, because one driver of the flow was hit."""
     if flow < 0:
         return
     for k in range(world.flow_ints[flow, c.FI_FIRST_SLOT], world.flow_ints[flow, c.FI_LAST_SLOT]):
@@ -93,7 +93,7 @@ def _wake_flow(world: WorldArrays, flow: int) -> None:
 
 @inner
 def _actor_depth(world: WorldArrays, i: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return what `overlap` does for the ego at a place and the solid body `i`, 0 for one that is not there."""
+    """Return `overlap` of the ego at (x, y) with the solid body `i`; depth 0 for an absent body."""
     if world.actor_ints[i, c.I_ACTIVE] != c.PRESENT or world.actor_ints[i, c.I_SOLID] == 0:
         return 0.0, 0.0, 0.0
     other = world.actors[i]
@@ -109,7 +109,7 @@ def _actor_depth(world: WorldArrays, i: int, x: float, y: float) -> tuple[float,
 
 @inner
 def _building_depth(world: WorldArrays, k: int, x: float, y: float) -> tuple[float, float, float]:
-    """Return what `overlap` does for the ego at a place and the building `k`."""
+    """Return `overlap` of the ego at (x, y) with building `k`."""
     box, length = world.buildings[k], world.ego_length_m
     reach = 0.5 * (length + box[3] + box[4])
     if abs(box[0] - x) > reach or abs(box[1] - y) > reach:
@@ -119,10 +119,11 @@ def _building_depth(world: WorldArrays, k: int, x: float, y: float) -> tuple[flo
 
 @inner
 def hold_back(world: WorldArrays, before_mps: float) -> None:
-    """Keep an ego standing that presses against what it has hit. `before_mps` is its speed at the start of the tick.
+    """Hold an ego that presses against a body after a collision. `before_mps`: its speed at the start of the tick.
 
-    Otherwise it would gain speed in one tick and lose it in the next, and never count as standing. What it knocks over
-    does not hold it, and what it has not hit yet is hit.
+    Without this hold, the ego would gain speed in one tick, lose that speed in the next tick, and never count as
+    standing. Bodies that the ego knocks over do not hold the ego. Away from the last collision nothing holds the ego,
+    so that a new contact counts as a collision.
     """
     ego = world.ego
     if before_mps >= c.STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
@@ -158,7 +159,7 @@ def contacts(world: WorldArrays) -> None:
 
 @inner
 def note(world: WorldArrays, kind: int, actor: float, value: float) -> None:
-    """Append one event with the tick and the place of the ego; beyond `EVENT_CAPACITY` events are dropped."""
+    """Append one event with the tick and the place of the ego; drop the event once `EVENT_CAPACITY` are stored."""
     count = world.criteria_ints[c.CI_EVENTS]
     if count < len(world.events):
         row = world.events[count]

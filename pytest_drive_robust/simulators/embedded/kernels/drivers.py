@@ -1,4 +1,4 @@
-"""What drivers do: the intelligent driver model, who is ahead, scripts, brake lamps."""
+"""Move the actors: the intelligent driver model, the leader ahead, scripts, lamps."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ IDM_GAP_M = 2.0
 IDM_HEADWAY_S = 1.1
 IDM_COMFORT_MPS2 = 2.5
 LOOK_AHEAD_M = 70.0
-# how far the traffic around the ego may get away from it
+# distances from the ego where the leash of the traffic begins to act, and acts fully
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
 SIDEWAYS_SHARE = 0.5
 NOTICED_LATE_M, NOTICED_SHARE = 1.0, 0.95
-"""Who sees late brakes only for bodies whose middle is so near to the line that he drives on, and that are slower than
-this share of the speed that he keeps."""
+"""A driver with `SEES_LATE` brakes only for bodies whose middle is so near to his path, and that are slower than this
+share of his target speed."""
 _RED = int(LightState.RED)
 _YELLOW = int(LightState.YELLOW)
 _BRAKING = int(ActorState.BRAKING)
@@ -33,7 +33,7 @@ _SIREN = int(ActorState.SIREN)
 
 @inner
 def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, brake_max: float) -> float:
-    """Return the acceleration of the intelligent driver model, limited to what the actor can do [m/s2]."""
+    """Return the acceleration of the intelligent driver model [m/s2], within the actor's limits."""
     if target < 0.05:
         free = -brake_max if v > 0.0 else 0.0
     elif v > target:
@@ -52,9 +52,9 @@ def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, 
 def _leader(
     bodies: Floats, i: int, s: float, right: float, length: float, width: float, notices_m: float, notices_mps: float
 ) -> tuple[float, float]:
-    """Return (gap, speed) of the first of the `bodies` surveyed on its path that is in the way of actor i.
+    """Return (gap [m], speed [m/s]) of the nearest of the surveyed `bodies` that is in the way of actor i.
 
-    Bodies farther aside than `notices_m` or faster than `notices_mps` are overlooked.
+    Bodies farther aside than `notices_m` or faster than `notices_mps` are ignored.
     """
     gap, speed = math.inf, 0.0
     for body in range(len(bodies)):
@@ -102,7 +102,7 @@ def _abreast(actor: Floats, ego: Floats) -> float:
 
 @inner
 def _acceleration(world: WorldArrays, i: int) -> float:
-    """Return what the driver of actor i asks for [m/s2]."""
+    """Return the acceleration that the driver of actor i wants [m/s2]."""
     actor, whole = world.actors[i], world.actor_ints[i]
     if actor[c.A_SYNC_M] > 0.0:
         return _abreast(actor, world.ego)
@@ -123,7 +123,7 @@ def _acceleration(world: WorldArrays, i: int) -> float:
     wanted = _wanted_speed(actor, whole, world.ego)
     asked = idm(actor[c.A_V], wanted, gap, leader_v, actor[c.A_ACCEL_MAX], actor[c.A_BRAKE_MAX])
     if whole[c.I_RELATIVE] == c.SPEED_SHARE and whole[c.I_PHASE] == c.PHASE_SCRIPT and actor[c.A_V] > wanted:
-        # CARLA's basic agent brakes at once for a lower target speed
+        # as CARLA's basic agent does: brake at once for a lower target speed
         asked = min(asked, max((wanted - actor[c.A_V]) / world.dt_s, -actor[c.A_BRAKE_MAX]))
     return float(asked)
 
@@ -155,7 +155,7 @@ def _move(world: WorldArrays, i: int) -> None:
     _show(actor, whole, accel, shift)
     x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
     if shift != 0.0 and not walks:
-        # a body that shifts sideways also turns its nose that way
+        # a body that shifts sideways also turns its heading that way
         yaw += atan2(shift / dt, max(actor[c.A_V], 1.0))
     actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw
 
@@ -175,7 +175,7 @@ def _show(actor: Floats, whole: Ints, accel: float, shift: float) -> None:
 
 @inner
 def move_actors(world: WorldArrays) -> None:
-    """Move everybody but the ego, in their order: scripts first, then those who exist and are not fixed."""
+    """Move all actors in order: each actor's script first, then the actor if it exists and is not fixed."""
     for i in range(len(world.actors)):
         if world.actor_ints[i, c.I_PHASE] != c.PHASE_DONE:
             run_script(world, i)

@@ -1,4 +1,4 @@
-"""How the ego moves: as CARLA's Lincoln MKZ does (`mkz`), with what dirt on the road makes of its controls."""
+"""Move the ego like CARLA's Lincoln MKZ (`mkz`), with the effect of dirt on the road on its controls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DIRT_M = 2.0
 
 @inner
 def _on_dirt(world: WorldArrays, throttle: float, steer: float) -> tuple[float, float]:
-    """Return what dirt within `DIRT_M` of the ego makes of its controls."""
+    """Return (throttle, steer) after the noise of dirt within `DIRT_M` of the ego."""
     for k in range(len(world.patches)):
         dx, dy = world.patches[k, 0] - world.ego[c.EGO_X], world.patches[k, 1] - world.ego[c.EGO_Y]
         if dx * dx + dy * dy < DIRT_M * DIRT_M:
@@ -26,9 +26,9 @@ def _on_dirt(world: WorldArrays, throttle: float, steer: float) -> tuple[float, 
 
 @inner
 def move_ego(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
-    """Move the ego with the speed at the start of the tick: the fits are made for that. v >= 0.
+    """Move the ego with its speed at the start of the tick (v >= 0), for which the fits are made.
 
-    What it touches may take speed from it, so its acceleration is known after `contacts`.
+    Contacts may take speed from the ego, so its acceleration is known only after `contacts`.
     """
     throttle, steer = _on_dirt(world, throttle, steer)
     ego = world.ego

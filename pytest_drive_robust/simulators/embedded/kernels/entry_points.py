@@ -1,8 +1,8 @@
-"""The compiled entry points: what Python calls to build, advance and read a world.
+"""The compiled entry points, by which Python builds, advances and reads a world.
 
-Semantics are our own (highway-env's are not those of a judge): speed never becomes negative, gaps run from bumper to
-bumper with real lengths, contact is the overlap of two boxes at the end of the tick, and it stops bodies instead of
-moving them. Everything is a plain loop over `state.State`; the same inputs give the same bits.
+The rules are our own, because highway-env's are too loose to judge by: speed never becomes negative, gaps run from
+bumper to bumper with real lengths, and a contact is the overlap of two boxes at the end of the tick, which stops bodies
+instead of moving them. The code is plain loops over `state.State`; equal inputs give equal bits.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _LENGTH, _WIDTH, _HEIGHT = WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGH
 
 @entry
 def pack_world(statics: Statics, state: State) -> WorldArrays:
-    """Return what the other entry points take: a world by its arrays, which it keeps alive and does not copy."""
+    """Return a reference to a world's arrays for the other entry points; the arrays are kept alive, not copied."""
     return world_arrays(statics, state)
 
 
 @entry
 def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
-    """One tick: time, lights, traffic, ego, contact, criteria."""
+    """Advance by one tick: time, lights, traffic, ego, contacts, criteria."""
     world.clock[0] += 1
     set_lights(world)
     run_flows(world)
@@ -50,7 +50,7 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
 
 @entry
 def settle_turn(world: WorldArrays) -> None:
-    """Note what the ego's wheels make of its speed, after it was put elsewhere."""
+    """Update the ego's lateral acceleration and yaw rate from its speed and wheels, after it was put elsewhere."""
     ego = world.ego
     yaw_rate = mkz_turn(ego[c.EGO_V], ego[c.EGO_STEER])[1]
     ego[c.EGO_RIGHT], ego[c.EGO_YAW_RATE] = ego[c.EGO_V] * yaw_rate, yaw_rate
@@ -58,7 +58,7 @@ def settle_turn(world: WorldArrays) -> None:
 
 @entry
 def settle(world: WorldArrays) -> None:
-    """Put every actor where its path coordinates say and fill the flows; once, after the world was built."""
+    """Place every actor by its path coordinates and fill the flows; called once, after the world was built."""
     set_lights(world)
     for i in range(len(world.actors)):
         whole, actor = world.actor_ints[i], world.actors[i]

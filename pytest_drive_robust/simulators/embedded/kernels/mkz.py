@@ -1,8 +1,8 @@
-"""How CARLA's Lincoln MKZ 2020 answers its controls, as the expert planners fitted it from driving at 20 Hz.
+"""Response of CARLA's Lincoln MKZ 2020 to controls, as fitted by the expert planners from driving at 20 Hz.
 
 Source: PDM-Lite, SimLingo `Bench2Drive/leaderboard/team_code/config.py` and `kinematic_bicycle_model.py`; the steering
-is the fit of World on Rails. The numbers of a tick hold for ticks of 50 ms. The wheels turn at once. Where a fit says
-nothing, something smooth continues it:
+is the fit of World on Rails. The constants hold for ticks of 50 ms. The wheels turn at once. Outside the range of a fit
+a smooth continuation applies:
 
 * Throttle below 0.3: linear down to coasting, which is 0.5 m/s2 less than throttle 0.3.
 * Throttle below 0.5 above 18 m/s, where the fit lets less throttle accelerate again: throttle 0.3 stays at what it is
@@ -67,7 +67,7 @@ def mkz_speed(speed_mps: float, throttle: float, brake: float) -> float:
 
 @inner
 def mkz_turn(speed_mps: float, wheel_rad: float) -> tuple[float, float]:
-    """Return the angle from the heading to where the middle moves, and the yaw rate: radians, radians per second."""
+    """Return the slip angle at the ego's middle (heading to direction of motion) [rad] and the yaw rate [rad/s]."""
     slip = atan(MKZ_REAR_M / (MKZ_FRONT_M + MKZ_REAR_M) * tan(wheel_rad))
     yaw_rate = speed_mps / MKZ_REAR_M * sin(slip)
     beyond = (abs(yaw_rate) * speed_mps - GRIP_FROM_MPS2) / (GRIP_TO_MPS2 - GRIP_FROM_MPS2)

@@ -1,4 +1,4 @@
-"""Places along the lines that actors follow, and where everybody is on them: once per tick, for every driver."""
+"""Project all bodies on the paths of actors, once per tick for all drivers."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 ON_PATH_M = 6.0
-"""Whoever is farther than this from a line is not on it."""
+"""Greatest distance of a body from a path that it is on."""
 
 
 @inner
 def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: float) -> tuple[float, float, float]:
-    """Return (metres along the path or -1 for a place that is not on it, metres to its right, its yaw there)."""
+    """Return (metres along the path, metres to its right, path yaw there) of a place; (-1, ...) when off the path."""
     k = at = first
     best = 1e18
     while k < last:
@@ -24,7 +24,7 @@ def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: f
         d = dx * dx + dy * dy
         if d < best:
             best, at = d, k
-        # the place cannot come nearer than ON_PATH_M before the path has gone the rest of the way towards it
+        # the skipped points of the path are too far away to be within ON_PATH_M of the place
         k += 2 if d < 100.0 else max(2, int((math.sqrt(d) - ON_PATH_M) / step_m))
     if best > ON_PATH_M * ON_PATH_M:
         return -1.0, 0.0, 0.0
@@ -36,7 +36,7 @@ def _project(paths: Floats, first: int, last: int, step_m: float, x: float, y: f
 
 @inner
 def _fill(row: Floats, yaw: float, path_yaw: float, v: float, length: float, width: float) -> None:
-    """Write how much room a body takes along and across the path, and how fast it moves along."""
+    """Write a body's extent along and across the path and its speed along the path to a row of the survey."""
     turn = yaw - path_yaw
     along, beside = cos_sin(turn)
     ct, st = abs(along), abs(beside)
@@ -81,7 +81,7 @@ def survey(world: WorldArrays) -> None:
 
 @inner
 def path_pose(world: WorldArrays, path: int, s: float, right_m: float) -> tuple[float, float, float]:
-    """Return x, y, yaw of a point `s` metres along a path and `right_m` beside it."""
+    """Return x, y, yaw of a point `s` metres along a path and `right_m` to its right."""
     paths, first, last = world.paths, world.path_start[path], world.path_start[path + 1]
     share = s / world.path_step[path]
     index = int(min(max(math.floor(share), 0.0), last - first - 2.0))

@@ -1,4 +1,4 @@
-"""What a scenario has set: lights, sources that send one car after the other, what triggers set off."""
+"""Run the scripted parts of a scenario: lights, flows of cars, and the scripts of actors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _STOP_SIGN = int(LightState.STOP_SIGN)
 
 @inner
 def run_flows(world: WorldArrays) -> None:
-    """Let each source send its next car once the last one is farther away than the drawn gap."""
+    """Let each flow send its next car once the last car is farther away than the drawn gap."""
     for f in range(len(world.flows)):
         flow, whole = world.flows[f], world.flow_ints[f]
         latest = whole[c.FI_LATEST]
@@ -66,7 +66,7 @@ def fill_flows(world: WorldArrays) -> None:
 
 @inner
 def _runs_red_light(world: WorldArrays, path: int, slot: int, s: float) -> bool:
-    """Return whether a driver who obeys lights starts where he cannot stop for a red one, or within its junction."""
+    """Return whether a driver who obeys lights would start too near a red light to stop, or within its junction."""
     line = world.path_stop_line[path]
     if line < 0 or world.actor_ints[slot, c.I_OBEYS_LIGHTS] == 0 or world.lights[line] == _GREEN:
         return False
@@ -76,7 +76,7 @@ def _runs_red_light(world: WorldArrays, path: int, slot: int, s: float) -> bool:
 
 @inner
 def set_lights(world: WorldArrays) -> None:
-    """Set every light to the phase of its program that has come since the scenario started; stop signs stay."""
+    """Set every light to the current phase of its program, counted from the scenario's start; stop signs stay."""
     since = -1.0 if world.clock[1] < 0 else (world.clock[0] - world.clock[1]) * world.dt_s
     for k in range(len(world.lights)):
         if world.stop_is_light[k] == 0:
@@ -93,7 +93,7 @@ def set_lights(world: WorldArrays) -> None:
 
 @inner
 def _fires(world: WorldArrays, i: int) -> bool:
-    """Return whether the trigger of actor i has come, after the scenario started."""
+    """Return whether the scenario has started and the trigger of actor i is met."""
     if world.clock[1] < 0:
         return False
     actor = world.actors[i]
@@ -109,7 +109,7 @@ def _fires(world: WorldArrays, i: int) -> bool:
 
 @inner
 def run_script(world: WorldArrays, i: int) -> None:
-    """Advance what a trigger sets off: waiting -> delayed -> script -> done."""
+    """Advance the script of actor i: waiting -> delayed -> script -> done."""
     actor, whole = world.actors[i], world.actor_ints[i]
     phase = whole[c.I_PHASE]
     if phase == c.PHASE_WAITING and _fires(world, i):

@@ -1,8 +1,8 @@
-"""A world that compiled code holds on to: kernels hand one reference to each other instead of some forty arrays.
+"""One reference to a world's arrays, which kernels pass to each other instead of some forty arrays.
 
-Unwrapping the tuples of arrays takes longer than many a tick, and each function that took them would be compiled for
-some three hundred arguments. The fields of `Statics` and `State` are attributes of the reference. In compiled code an
-array taken from it is borrowed: it counts no references and must not outlive the call.
+Unwrapping the tuples of arrays takes longer than many a tick, and each function that took these tuples would be
+compiled for some three hundred arguments. The fields of `Statics` and `State` are attributes of the reference. In
+compiled code an array taken from the reference is borrowed: it counts no references and must not outlive the call.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class WorldArraysType(types.StructRef):  # type: ignore[misc]
 
 
 class _Reference(structref.StructRefProxy):  # type: ignore[misc]
-    """What Python holds; made by the entry point `pack_world`, and the arrays stay those that Python sees."""
+    """Python's handle of a world, made by the entry point `pack_world`; shares its arrays with Python."""
 
     @classmethod
     def numba_type(cls) -> Any:
@@ -37,7 +37,7 @@ class _Reference(structref.StructRefProxy):  # type: ignore[misc]
 if TYPE_CHECKING:
 
     class WorldArrays(Statics, State):  # type: ignore[misc]
-        """What compiled code sees: the fields of both."""
+        """The fields of `Statics` and `State`, as compiled code sees them."""
 
 else:
     WorldArrays = _Reference
@@ -46,17 +46,17 @@ _define: Callable[..., None] = structref.define_proxy
 _define(_Reference, WorldArraysType, ["statics", "state"])
 
 world_arrays: Callable[[Statics, State], WorldArrays] = _Reference
-"""Makes one, in compiled code."""
+"""Make a `WorldArrays` in compiled code."""
 
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    """Types the fields of both tuples as attributes."""
+    """Give the fields of `Statics` and `State` a numba type as attributes."""
 
     key = WorldArraysType
 
     def generic_resolve(self, world: Any, name: str) -> Any:
-        """Return the type of a field, None for what is none."""
+        """Return the numba type of a field, or None for an unknown name."""
         for part in world.field_dict.values():
             if name in part.fields:
                 return part[part.fields.index(name)]
@@ -64,7 +64,7 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 
 def _reads(part: str, name: str, index: int) -> None:
-    """Teach numba to read one field without touching the others."""
+    """Make numba read one field without touching the other fields."""
 
     @lower_getattr(WorldArraysType, name)
     def read(context: Any, builder: Any, world: Any, value: Any) -> Any:

@@ -22,7 +22,7 @@ _GEAR_S = 0.5
 _ROW_STEP_M = 11.0
 _EDGES_OUT_MPS, _EDGES_OUT_S, _TURNS_WITHIN_M = 0.8, 3.0, 3.6
 _ROW = (-2, -1, 1, 2, 3)
-"""Standing cars behind the one that cuts in, and ahead of it."""
+"""Places of the standing cars in the row, behind (negative) and ahead of the car that cuts in."""
 
 
 @scenario("ParkingCutIn", parameters={"distance": (35.0, 35.0)})
@@ -101,13 +101,13 @@ def highway_cut_in(stage: Stage) -> None:
 
 
 def _stands_right(stage: Stage) -> bool:
-    """Return whether the standing row is on the lane to the right: where the file says so or there is only that one."""
+    """Return whether the standing row is on the right lane: when the file says so, or without a left lane."""
     right, left = stage.has_lane_beside("right"), stage.has_lane_beside("left")
     return right and (right_hand(stage) > 0.0 or not left)
 
 
 def _way_out(stage: Stage, ahead_m: float, right_m: float) -> int:
-    """Return a path from a standing row beside the ego's way into that way, and along it to its end."""
+    """Return a path from a standing row beside the ego's path into the ego's path, and along it to its end."""
     length = stage.length_m(stage.ego_path) - stage.on_ego_path(ahead_m)
     along = np.concatenate([np.arange(0.0, _TURNS_WITHIN_M, 0.2), np.arange(_TURNS_WITHIN_M, length, 1.0)])
     share = np.clip(along / _TURNS_WITHIN_M, 0.0, 1.0)
@@ -117,7 +117,7 @@ def _way_out(stage: Stage, ahead_m: float, right_m: float) -> int:
 
 
 def _merges_ahead_m(stage: Stage) -> float:
-    """Return metres from the trigger to the cut-in: the element `distance`, or so long before `end_location`."""
+    """Return metres from the trigger to the cut-in: the element `distance`, or a fixed way before `end_location`."""
     end = stage.spec.parameters.get("end_location")
     if end is None or "x" not in end or "y" not in end:
         return max(stage.spec.number("distance", 40.0), 10.0)
@@ -126,7 +126,7 @@ def _merges_ahead_m(stage: Stage) -> float:
 
 
 def _side_of_other(stage: Stage) -> float:
-    """Return 1 when the other car is to the right, as it is unless `other_actor_location` says otherwise, or -1."""
+    """Return -1 when `other_actor_location` puts the other car to the left, else 1."""
     other = stage.spec.parameters.get("other_actor_location")
     if other is None or "x" not in other or "y" not in other:
         return 1.0

@@ -19,12 +19,12 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _BICYCLE_SHIFT = 0.55
-"""How far to the right they ride, in halves of the lane."""
+"""How far to the right the bicycles ride, in halves of the lane."""
 _DIRT_M = (14.0, 48.0, 74.0)
 _PARKED_IN_LANE_M = 0.35
 _CONE_STEP_M = 6.0
 _HALF_A_CAR_M = 0.7
-"""What the original takes for half the width of a car, whatever car comes (`invading_turn.py`)."""
+"""Half the width of a car, which Bench2Drive assumes for every car (`invading_turn.py`)."""
 
 
 @scenario(
@@ -101,7 +101,7 @@ def control_loss(stage: Stage) -> None:
 
 
 def _bicycles(stage: Stage) -> float:
-    """Put two bicycles 9 m apart on the road; return the metres from the trigger to where the last one stops."""
+    """Put two bicycles 9 m apart on the road; return the metres from the trigger to the stop of the last bicycle."""
     at = parts.ahead(stage, 43.0)
     ride = parts.speed(stage, "bicycle_speed", 9.0, at_least_kmh=2.0)
     drive = max(stage.spec.number("bicycle_drive_distance", 60.0), 5.0)
@@ -109,7 +109,7 @@ def _bicycles(stage: Stage) -> float:
     for k in range(2):
         start = stage.on_ego_path(at + 9.0 * k)
         bicycle = stage.cast.add(ActorSpec(ActorKind.BICYCLE, stage.ego_path, start, right_m=edge, end_m=start + drive))
-        stage.cast.script(bicycle, Passing(0.0), Script(ride, right_m=edge))  # as soon as the scenario begins
+        stage.cast.script(bicycle, Passing(0.0), Script(ride, right_m=edge))  # when the scenario begins
     return at + 9.0 + drive
 
 

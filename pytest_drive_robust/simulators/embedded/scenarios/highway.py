@@ -1,7 +1,7 @@
 """On motorways and country roads: get through traffic onto the road, off it, across its lanes or its junctions.
 
-Source: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py`. Routes go so far down an exit that whoever
-misses it does not come near their end.
+Source: Bench2Drive `scenario_runner/srunner/scenarios/actor_flow.py`. Routes go so far down an exit that an agent that
+misses the exit does not come near the route's end.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ROLLING = 0.7
-"""Speed at the start, as a share of the limit."""
+"""Speed of the ego at the start, as a share of the limit."""
 _COUNTRY_START_MPS = 8.0
 _LAST_M = 5.0
 _AROUND_M = (15.0, 30.0)
-"""Bench2Drive's background traffic is placed 15 m apart, in every lane of the road
+"""Gaps of background traffic; Bench2Drive places its cars 15 m apart, in every lane of the road
 (`scenario_runner/srunner/scenarios/background_activity.py`)."""
 
 
@@ -46,7 +46,7 @@ def sequential_lane_change(stage: Stage) -> None:
     """Several lane changes, one after the other, through traffic that moves nearly as fast as the ego may."""
     stage.start_mps = _ROLLING * stage.speed_limit_mps
     lane_map = stage.dense.lane_map
-    # behind a junction a lane begins in the middle of the town: no place for a source
+    # behind a junction a lane begins in the middle of the town, where cars cannot appear
     used = stage.dense.lanes[: stage.dense.first_junction_row()]
     roads = dict.fromkeys(follow(lane_map, int(lane)) for lane in used)
     for number, lanes in enumerate(roads):
@@ -58,8 +58,7 @@ def sequential_lane_change(stage: Stage) -> None:
 def _country_road(name: str, *, flow_mps: Range, gap_m: Range, bearings: tuple[str, ...]) -> None:
     """Register a type: turn left on a country road, across or into the flows that come from `bearings`.
 
-    Where the road parts or meets another one without a junction, there is the one flow of the route file, in the lane
-    beside the ego's.
+    Where roads part or meet without a junction, the only flow is that of the route file, in the lane beside the ego's.
     """
 
     def build(stage: Stage) -> None:
@@ -79,9 +78,9 @@ _country_road("InterurbanAdvancedActorFlow", flow_mps=(16.0, 18.0), gap_m=(36.0,
 
 
 def _flow_in_last_lane(stage: Stage) -> None:
-    """Put the flow of the route file on the lane in which the route ends, or from where to where the file says.
+    """Put the route file's flow on the lane in which the route ends, or on the path that the file gives.
 
-    There is background traffic farther left, or to the right where the flow is to the left.
+    Background traffic drives in the lane farther left, or to the right when the flow is to the left.
     """
     end = stage.dense.length_m - stage.trigger_m
     given = stage.given_flow()

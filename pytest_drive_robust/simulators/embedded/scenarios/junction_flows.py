@@ -29,9 +29,9 @@ def _turn(
 ) -> None:
     """Register a type: the ego turns across or into a flow that comes `from_arm`.
 
-    `into` says where the flow goes: `"straight"` on, or turning into the ego's `"exit"`. `lights` are those of the ego,
-    of the opposite road and of the crossing one; None where there are none. `flow` are its speeds (m/s) and gaps. Where
-    `given`, the route file may say from where to where it leads.
+    `into` says where the flow goes: `"straight"` on, or turning into the ego's `"exit"`. `lights` are the programs for
+    the ego, the opposite road and the crossing road; None without lights. `flow` are the ranges of its speeds (m/s) and
+    gaps (m). With `given`, the route file may give the start and the end of the flow.
     """
 
     def build(stage: Stage) -> None:

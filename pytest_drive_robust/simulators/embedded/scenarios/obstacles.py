@@ -16,9 +16,9 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _ACCIDENT_SHIFT, _PARKED_SHIFT = 0.6, 0.7
-"""How far to the right they stand, in halves of the lane."""
+"""How far to the right the crashed and the parked cars stand, in halves of the lane."""
 _PASSED_M = 50.0
-"""The scenario is over so many metres behind the last vehicle, or the beginning of the building site."""
+"""Distance from the last vehicle, or the beginning of the building site, to the end of the scenario."""
 
 
 def _crashed_cars(stage: Stage) -> tuple[float, float]:
@@ -32,7 +32,7 @@ def _crashed_cars(stage: Stage) -> tuple[float, float]:
 
 
 def _building_site(stage: Stage) -> tuple[float, float]:
-    """Put a sign, three cones across the lane, debris, four along its left edge; return metres as `_obstacle` says."""
+    """Put a sign, 3 cones across the lane, a barrier, 4 cones along its left edge; return metres, see `_obstacle`."""
     at = ahead(stage, 42.0)
     half, side = stage.lane_width_m / 2.0, right_hand(stage)
     stage.stand(ActorKind.WARNING_SIGN, at - 5.0)
@@ -64,9 +64,10 @@ def _obstacle(
 ) -> None:
     """Register a type: something stands in the ego's lane, and somebody is in the way of driving around it.
 
-    `put` places it and returns the metres from the trigger to where the ego has to come near (by `near_m`) and to
-    where the end of the scenario is measured from. The lane to the left is in use at `side_kmh` or what is drawn of
-    `speed_kmh`; else the way around is the oncoming lane, and cars come there with gaps of `oncoming_m`.
+    `put` places the obstacle and returns two distances in metres from the trigger: the place that the ego has to come
+    near (by `near_m`), and the place from which the end of the scenario is measured. Traffic drives in the lane to the
+    left, at `side_kmh` or at a speed drawn from `speed_kmh`. With `oncoming_m`, the way around is the oncoming lane
+    instead, where cars come with gaps of `oncoming_m`.
     """
 
     def build(stage: Stage) -> None:

@@ -1,4 +1,4 @@
-"""What several scenario types share: numbers of the route file, traffic beside the route, flows, lights in turn."""
+"""Parts that scenario types share: numbers of the route file, traffic beside the route, flows, lights."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ KMH = 1.0 / 3.6
 
 _FAST_MPS = 15.0
 RED_S = 5.0
-"""How long lights stay red (or green) after the scenario started."""
+"""Seconds for which lights stay red (or green) after the scenario started."""
 _ALL_RED_S = 1.0
 _MEET_M = 1.0
 _SLOWEST_MPS, _ACROSS_S = 4.0, 8.0
-"""Who comes this slowly, and needs so long to start and to get across, finds no longer gap than who comes fast."""
+"""Approach speed and time to cross of the slowest ego that meets no lengthened gap of a flow."""
 
 
 def ahead(stage: Stage, default_m: float, *, at_least_m: float = 20.0) -> float:
-    """Return metres from the trigger to what happens: the element `distance`, not so near that the ego starts in it."""
+    """Return metres from the trigger to the event: the element `distance`, or `at_least_m` if that is farther."""
     return max(stage.spec.number("distance", default_m), at_least_m)
 
 
 def speed(stage: Stage, element: str, default_kmh: float, *, at_least_kmh: float = 3.0) -> float:
-    """Return an element that holds kilometres per hour, in metres per second; at most what a car can drive."""
+    """Return the speed of an element, which is in km/h, in m/s; limited to `at_least_kmh`..150 km/h."""
     return min(max(stage.spec.number(element, default_kmh), at_least_kmh), 150.0) * KMH
 
 
 def right_hand(stage: Stage) -> float:
-    """Return 1 where things come from the right or stand there, -1 where the element `direction` is `left`."""
+    """Return -1 when the element `direction` is `left`, else 1: the side where things stand or come from."""
     return -1.0 if stage.spec.texts.get("direction") == "left" else 1.0
 
 
@@ -60,10 +60,10 @@ def road_edge_m(stage: Stage, side: str, ahead_m: float = 0.0) -> float:
 
 
 def side_traffic(stage: Stage, default_kmh: float) -> None:
-    """Use the lane to the left (the right one for obstacles to the left), at the element `speed`.
+    """Add traffic to the left lane (the right lane for obstacles to the left), at the speed of the element `speed`.
 
-    Bench2Drive slows that lane down five seconds after the ego came near; ours has that speed all the time, and long
-    gaps among the short ones (`scenario_runner/srunner/scenarios/route_obstacles.py`).
+    Bench2Drive slows that lane down five seconds after the ego came near; ours has constant speed and some long gaps
+    among the short gaps (`scenario_runner/srunner/scenarios/route_obstacles.py`).
     """
     limit = min(speed(stage, "speed", default_kmh, at_least_kmh=10.0), stage.speed_limit_mps)
     beside = stage.beside("left" if right_hand(stage) > 0.0 else "right")
@@ -82,13 +82,13 @@ def oncoming_gaps(stage: Stage) -> None:
 
 
 def scenery(stage: Stage, gap_m: Range = (45.0, 90.0)) -> None:
-    """Add traffic the other way that only shares the road; a one-way road has none."""
+    """Add oncoming traffic that only shares the road; a one-way road gets no such traffic."""
     with suppress(RouteError):
         stage.flow(stage.oncoming(), speed_mps=0.8 * stage.speed_limit_mps, gap_m=gap_m, background=True)
 
 
 def rolling_start(stage: Stage) -> float:
-    """Start the ego at 70 % of the limit on fast roads, elsewhere at rest; return its speed in metres per second."""
+    """Start the ego at 70 % of the limit on fast roads, elsewhere at rest; return this speed in m/s."""
     stage.start_mps = 0.7 * stage.speed_limit_mps if stage.speed_limit_mps > _FAST_MPS else 0.0
     return stage.start_mps
 
@@ -96,10 +96,10 @@ def rolling_start(stage: Stage) -> float:
 def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[ActorKind, ...] = CARS) -> None:
     """Add the flow of the route file: `flow_speed`, gaps from `source_dist_interval`, from edge to edge of the town.
 
-    The type's ranges stand in for what the file leaves out. Its drivers keep their speed and give way to nobody, as
-    Bench2Drive's do (`scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_behaviors.py`, `ActorFlow`), until
-    one of them has been hit; then all see what is ahead. Who comes to `meets_ahead_m` without waiting, however slowly,
-    finds no gap longer than those drawn.
+    The type's ranges replace elements that the file leaves out (the mean, for the speed). The drivers keep their speed
+    and give way to nobody until one driver has been hit; then all drivers brake for bodies ahead. Bench2Drive's drivers
+    give way to nobody, too (`scenario_runner/srunner/scenariomanager/scenarioatomics/atomic_behaviors.py`,
+    `ActorFlow`). An ego that reaches `meets_ahead_m` without waiting, even slowly, meets no lengthened gap.
     """
     gaps = [
         stage.spec.number("source_dist_interval", usual, attribute=end)
@@ -112,12 +112,14 @@ def route_flow(stage: Stage, path: int, *, meets_ahead_m: float, kinds: tuple[Ac
 
 
 def cross_traffic(stage: Stage, *, gap_m: Range = (15.0, 30.0), lights: bool = False) -> None:
-    """Add background traffic straight on from the junction's other arms, as fast as the ego's way through allows.
+    """Add background traffic straight on from the junction's other arms.
 
-    Bench2Drive's sources at a junction send the next car once the last one is 15 m away
+    Its speed is 80 % of the lower speed limit, of the ego's lane and of the ego's way through the junction.
+    Bench2Drive's sources at a junction send the next car once the last car is 15 m away
     (`scenario_runner/srunner/scenarios/background_activity.py`).
 
-    Without `lights` the two roads would block each other: then there is oncoming traffic only where nobody crosses.
+    Without `lights` crossing and oncoming traffic would block each other, so oncoming traffic is added only where no
+    traffic crosses.
     """
     inside = stage.lane_at(stage.junction_ahead_m() + 1.0)
     speed = 0.8 * min(stage.speed_limit_mps, inside.speed_limit_mps)
@@ -125,7 +127,7 @@ def cross_traffic(stage: Stage, *, gap_m: Range = (15.0, 30.0), lights: bool = F
     for bearing in ("left", "right", "opposite"):
         if bearing == "opposite" and crossed and not lights:
             break
-        with suppress(RouteError):  # a junction of three arms lacks one of them
+        with suppress(RouteError):  # a junction of three arms lacks one bearing
             stage.flow(
                 stage.from_arm(bearing), speed_mps=speed, gap_m=gap_m, background=True, obeys_lights=lights,
                 sees=c.SEES_LATE,
@@ -148,9 +150,9 @@ def lights_turn_red(stage: Stage, *, green_s: float = RED_S, red_s: float = RED_
 
 
 def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tuple[float, float] | None:
-    """Return (metres ahead on the ego's way, metres along `path`) where they first meet within the junction, or None.
+    """Return (metres ahead on the ego's path, metres along `path`) where both first meet in the junction, or None.
 
-    They meet where they are nearer than `within_m`; with an infinite distance where they are nearest.
+    The paths meet where their distance is below `within_m`; with an infinite `within_m`, at their least distance.
     """
     ahead = np.arange(stage.junction_ahead_m() - 2.0, stage.exit_ahead_m() + 2.0, 0.5)
     places = np.array([stage.spot(float(a)) for a in ahead])
@@ -165,5 +167,5 @@ def meeting_point(stage: Stage, path: int, *, within_m: float = _MEET_M) -> tupl
 
 
 def end_behind_junction(stage: Stage, *, metres: float = 15.0) -> None:
-    """End the scenario once the ego has left its first junction so far behind."""
+    """End the scenario `metres` behind the ego's first junction."""
     stage.end_m = stage.trigger_m + stage.exit_ahead_m() + metres

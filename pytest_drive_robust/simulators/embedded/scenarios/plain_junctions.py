@@ -7,8 +7,8 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _RED_S = (6.0, 28.0)
-"""CARLA's lights give one arm after the other ten seconds of green, three of yellow and two of nothing: of three arms
-each is red for up to 32 s. Less is drawn at both ends, so that nobody stands for half a minute."""
+"""Range of the red phase. CARLA's lights give each arm in turn 10 s of green, 3 s of yellow and 2 s of all red, so each
+of three arms is red for up to 32 s. Our range is shorter at both ends, so that no ego stands for half a minute."""
 _ARM_S, _OTHER_ARMS = 15.0, 0.75
 
 

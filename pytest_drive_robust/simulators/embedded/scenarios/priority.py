@@ -20,7 +20,7 @@ from pytest_drive_robust.simulators.embedded.state import DT_S
 
 _SPEED_MPS = 60.0 / 3.6
 _ACCEL_MPS2 = 15.0
-"""Bench2Drive's vehicles have their speed at once; so they show early what they are up to."""
+"""Acceleration of the other vehicle: high, because Bench2Drive's vehicles have their speed at once."""
 _TTA_S = 2.2
 _WITHIN_M = 12.0
 _BEARINGS = ("left", "right", "opposite")
@@ -42,7 +42,7 @@ def opposite_vehicle_taking_priority(stage: Stage) -> None:
 
 
 def _take_priority(stage: Stage, kind: ActorKind) -> None:
-    """Put a car so far from where the ways meet that it gets there together with an ego that does not react."""
+    """Place a car so that it reaches the meeting point together with an ego that does not react."""
     path, ahead_m, meets_m = _way(stage)
     start_m = meets_m - _reach_m()
     runner = stage.cast.add(
@@ -54,19 +54,20 @@ def _take_priority(stage: Stage, kind: ActorKind) -> None:
 
 
 def _way(stage: Stage) -> tuple[int, float, float]:
-    """Return (path, metres ahead, metres on the path) of the file's `direction`, else of the first way that crosses.
+    """Return (path, metres ahead, metres on the path) of the file's `direction`, else of the first crossing path.
 
-    Nobody need cross: the ego may turn right in front of who comes. Raises `RouteError` when none does.
+    For a given `direction` the path need not cross, because the ego may turn right in front of the car. Raises
+    `RouteError` when there is no such path.
     """
     asked = stage.spec.texts.get("direction")
     for bearing in _BEARINGS if asked is None else (asked,):
-        with suppress(RouteError, KeyError):  # a junction of three arms lacks one of them
+        with suppress(RouteError, KeyError):  # a junction of three arms lacks one bearing
             path = stage.from_arm(bearing)
             met = meeting_point(stage, path)
             if met is not None:
                 return path, *met
     if asked is not None:
-        with suppress(RouteError, KeyError):  # who turns right only passes by who comes from there
+        with suppress(RouteError, KeyError):  # an ego that turns right only passes by the car
             path = stage.from_arm(asked)
             nearest = meeting_point(stage, path, within_m=math.inf)
             assert nearest is not None

@@ -1,4 +1,4 @@
-"""What a scenario type is: one function that puts actors on a `Stage`."""
+"""Define scenario types: one function each that puts actors on a `Stage`."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from pytest_drive_robust.simulators.embedded.state import TWO_WAYS_NEVER
 class ScenarioType:
     """One of the 44 situations.
 
-    `parameters` are the ranges from which the generator draws the XML's parameter elements; elements that hold an
-    interval (`source_dist_interval`, `frequency`) are listed in `intervals`. `blocked_test_off` (while
-    it runs) and `two_ways` (one of `state.TWO_WAYS_*`) are what the scenario does to the criteria (Bench2Drive
-    `scenario_runner/srunner/scenarios`).
+    `parameters` are the ranges from which the generator draws the XML's parameter elements; `intervals` are the ranges
+    of elements that hold an interval (`source_dist_interval`, `frequency`). The scenario changes two criteria:
+    `blocked_test_off` switches the blocked test off while the scenario runs, and `two_ways` (one of
+    `state.TWO_WAYS_*`) allows driving against the traffic (Bench2Drive `scenario_runner/srunner/scenarios`).
     """
 
     name: str
@@ -43,7 +43,7 @@ def scenario(
 ) -> Callable[[Callable[[Stage], None]], Callable[[Stage], None]]:
     """Register a builder under its name in the route XML.
 
-    `flow` are the speeds (m/s) and the gaps of the flow that the route file describes (`parts.route_flow`).
+    `flow` are the ranges of speeds (m/s) and gaps (m) of the route file's flow (`parts.route_flow`).
     """
     drawn = (
         ({"flow_speed": flow[0]}, {"source_dist_interval": flow[1]}) if flow else (parameters or {}, intervals or {})

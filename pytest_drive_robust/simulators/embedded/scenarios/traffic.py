@@ -17,12 +17,12 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _AHEAD_M = (25.0, 95.0)
-"""Cars in the lane to the right, where the ego must find room."""
+"""Places of cars in the lane to the right, where the ego must find room."""
 _STOP_S = 10.0
 _AT_LEAST_M = 8.0
 _ROW_STEP_M = 8.0
 _SIREN_MPS2 = 15.0
-"""The original has its speed at once."""
+"""Acceleration of the emergency vehicle: high, because Bench2Drive's has its speed at once."""
 
 
 @scenario("YieldToEmergencyVehicle", parameters={"distance": (26.0, 30.0)})

@@ -15,10 +15,10 @@ from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scen
 from pytest_drive_robust.simulators.embedded.stage import Stage
 
 _LATER_S = 0.02
-"""For every degree, to either side, by which somebody does not walk straight across: their way is longer. In the
-original a degree away from the ego is as much less; there they meet its way elsewhere, here at the same place."""
+"""Delay per degree of a slanted crossing, to either side, because a slanted way is longer. In Bench2Drive, a degree
+away from the ego shortens the time: its walkers meet the ego's path elsewhere, ours meet the path at the same place."""
 _PARKED_M = (-4.0, -10.6, -17.2, 4.2, 10.8)
-"""Places of a parked row, seen from where somebody steps out between two cars."""
+"""Places of the cars in a parked row, in metres from the gap where a pedestrian steps out."""
 
 
 @scenario("DynamicObjectCrossing", parameters={"distance": (40.0, 50.0), "crossing_angle": (-8.0, 8.0)})
@@ -28,7 +28,7 @@ def dynamic_object_crossing(stage: Stage) -> None:
     Every 5 degrees of `crossing_angle` make it 0.1 s more.
     """
     at = ahead(stage, 45.0)
-    # where somebody comes from: the edge of the lane, or that of the road
+    # the pedestrian comes from the right edge of the lane, or from the left edge of the road
     edge = stage.lane_width_m / 2.0 if right_hand(stage) > 0.0 else road_edge_m(stage, "left", at)
     stage.stand(ActorKind.CONTAINER, at - 2.2, right_hand(stage) * (edge + 1.2))
     _steps_out(stage, at, edge + 1.6, beyond_m=1.5, tta_s=2.1)
@@ -81,9 +81,9 @@ def vehicle_turning_route_pedestrian(stage: Stage) -> None:
 
 
 def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tta_s: float) -> None:
-    """Let a pedestrian start `aside_m` beside the ego's way and walk over the road, `beyond_m` past its far edge."""
+    """Let a pedestrian start `aside_m` beside the ego's path and cross the road to `beyond_m` past its far edge."""
     far_side = "left" if right_hand(stage) > 0.0 else "right"
-    angle = min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)  # so that they still get across
+    angle = min(max(stage.spec.number("crossing_angle", 0.0), -30.0), 30.0)  # limited, to get across in time
     stage.walker(
         at_m,
         from_right_m=right_hand(stage) * aside_m,
@@ -99,9 +99,9 @@ def _steps_out(stage: Stage, at_m: float, aside_m: float, *, beyond_m: float, tt
 def _crosses_after_turn(
     stage: Stage, behind_exit_m: float, kind: ActorKind, trigger: Arrival, *, side: str = "right"
 ) -> None:
-    """Let somebody start on one `side` of the road that the ego turns into, and cross all of it."""
+    """Let an actor start on one `side` of the road that the ego turns into, and cross the whole road."""
     at = stage.exit_ahead_m() + behind_exit_m
-    # Bench2Drive's start in the middle of the sidewalk
+    # on the sidewalk, as Bench2Drive's actors
     start = road_edge_m(stage, side, at) + stage.draw("kerb", 0.9, 1.5)
     across = start + road_edge_m(stage, "left" if side == "right" else "right", at) + 1.5
     stage.walker(

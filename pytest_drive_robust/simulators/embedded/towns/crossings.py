@@ -79,7 +79,7 @@ def _junction(town: Town, names: str, box_m: float, section: Section, *, control
 
 
 def _close_sidewalk(town: Town) -> None:
-    """Continue the sidewalk where a tee has no fourth arm."""
+    """Close the gap in the sidewalk where a tee has no fourth arm."""
     lane, onward = town.lanes[town.chains["E.bwalk"][-1]], town.lanes[town.chains["W.fwalk"][0]]
     x, y, heading = (float(value) for value in lane.centre[-1])
     length = scalars.hypot(*(onward.centre[0, :2] - lane.centre[-1, :2]))
@@ -151,7 +151,7 @@ def _straight_out(town: Town, ways: dict[int, list[junction.Connection]], chain:
 
 
 def roundabout(town: Town, rng: RandomNumbers) -> None:
-    """Draw a ring of 14 to 20 m radius with four arms; who is in the ring goes first."""
+    """Draw a ring of 14 to 20 m radius with four arms; traffic in the ring has priority."""
     width, radius = rng.uniform(3.5, 3.8), rng.uniform(14.0, 20.0)
     bend = rng.uniform(11.0, 14.0)
     section = Section(1, 1, width, rng.choice([11.0, 12.5]))
@@ -162,14 +162,14 @@ def roundabout(town: Town, rng: RandomNumbers) -> None:
 
 
 class _Ring:
-    """The entries and exits are arcs of radius `bend` that touch the arm's lane and the ring."""
+    """A roundabout, whose entries and exits are arcs of radius `bend` that touch the arm's lane and the ring."""
 
     def __init__(self, town: Town, section: Section, radius: float, bend: float, speed: float) -> None:
         self._town, self._section, self._radius, self._bend = town, section, radius, bend
         side = section.width_m / 2.0 + bend
         self.box_m = math.sqrt((radius + bend) * (radius + bend) - side * side)
         self._phase = scalars.atan2(side, self.box_m)
-        """How far from an arm's heading its entry and its exit meet the ring."""
+        """Angle from an arm's heading to where its entry and its exit meet the ring."""
         self._turn = _QUARTER - self._phase
         self._style: dict[str, Any] = {
             "width_m": section.width_m,

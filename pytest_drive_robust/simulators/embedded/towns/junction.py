@@ -1,4 +1,4 @@
-"""A junction: lanes that connect the arms, crosswalks, what controls the entries."""
+"""A junction: lanes that connect the arms, crosswalks, lights or stop signs at the entries."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def crosswalk(town: Town, arm: Arm) -> None:
 
 
 def turn_between(source: Arm, target: Arm) -> str:
-    """Return how one turns from one arm into another; arms stand at right angles."""
+    """Return the turn from one arm into another, `"left"`, `"straight"` or `"right"`; arms stand at right angles."""
     turned = math.remainder(target.heading_rad - source.heading_rad - math.pi, math.tau)
     if abs(turned) < 0.1:
         return "straight"

@@ -1,4 +1,4 @@
-"""From a drawn town to lanes, sampled every metre, with neighbours, successors and stop lines, and to houses."""
+"""Convert a drawn town to lanes, sampled every metre, with neighbours, successors, stop lines, and to houses."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place
 from pytest_drive_robust.simulators.embedded.towns.town import JunctionControl, Town
 
 _JOIN_M = 0.5
-"""Two lanes follow each other when end and start are nearer than this."""
+"""Greatest distance from the end of a lane to the start of its successor."""
 _STOP_BEFORE_END_M = 5.0
-"""So far before the junction box traffic stops: the crosswalk stays free."""
+"""Distance of the stop line before the junction box, which keeps the crosswalk free."""
 
 _Side = tuple[int, bool]
 _NOBODY: _Side = (-1, False)
 _CLEAR_M = 0.8
-"""Least distance between a wall and the edge of any lane in a city; in the country it is the least gap."""
+"""Least distance between a wall and the edge of any lane in a city; in the country `building_gap_m` holds instead."""
 _STEP_M = 22
 _NEAR_M = 50.0
 """More than half the diagonal of the largest house and the widest lane and gap together.
 
-The exact distance to a house is worked out for points that are nearer only.
+Only for points nearer than this the exact distance to a house is computed.
 """
 
 
@@ -55,7 +55,7 @@ def draw_lanes(town: Town) -> tuple[Lane, ...]:
 
 
 def _neighbours(town: Town) -> tuple[dict[int, _Side], dict[int, _Side]]:
-    """Return for each lane number what lies to its left and to its right: (lane number, leads the same way)."""
+    """Return the left and the right neighbour by lane number, each as (lane number, leads the same way)."""
     left: dict[int, _Side] = {}
     right: dict[int, _Side] = {}
     for strip in town.slices:
@@ -98,7 +98,7 @@ def _stop_line(k: int, lane: Lane, control: JunctionControl, lanes: tuple[Lane, 
 
 
 def _to_kerb_m(lanes: tuple[Lane, ...], lane: Lane) -> float:
-    """Return the width of the lanes that lie to the right of this one, up to the sidewalk."""
+    """Return the total width in metres of the lanes to the right of `lane`, up to the sidewalk."""
     total = 0.0
     while lane.right >= 0 and lane.right_same_way and lanes[lane.right].kind is not LaneKind.SIDEWALK:
         lane = lanes[lane.right]

@@ -20,7 +20,7 @@ Piece = tuple[float, float]
 """(length in metres, curvature in 1/m, positive to the right)."""
 
 PLAIN = ("none", "none")
-"""No lines at either side."""
+"""Lane lines (left, right) of a lane without lines."""
 
 _SIDEWALK_WIDTH_M = 3.0
 _PARKING_WIDTH_M = 2.4
@@ -85,7 +85,7 @@ def _arc(centre: Floats, radius: float, start_rad: float, end_rad: float, way: i
 
 
 def road(town: Town, name: str, start: Pose, pieces: list[Piece], section: Section) -> Pose:
-    """Draw a road and fill `town.chains` with every lane from end to end. Return where it ends.
+    """Draw a road, add each of its lanes to `town.chains` from end to end, and return the pose of its end.
 
     The reference line is the divider between the two ways, or the left edge of a one-way road. Chains are `<name>.f0`
     (forward, nearest to the divider), `<name>.f1`, ..., `<name>.b0`, ..., and to the right of each way `<name>.fbike`,
@@ -99,7 +99,7 @@ def road(town: Town, name: str, start: Pose, pieces: list[Piece], section: Secti
 
 
 def draw_strips(town: Town, name: str, curve: Callable[..., DrawnLane], section: Section) -> None:
-    """Draw the lanes of one piece of road side by side, as `curve` makes them of an offset; note them as a slice."""
+    """Draw the lanes of one piece of road side by side and add them as a slice; `curve` draws a lane at an offset."""
     placed: list[tuple[float, int, bool]] = []
     for suffix, offset, width, kind, lines in _strips(section):
         backward = suffix.startswith("b")
@@ -113,11 +113,11 @@ def draw_strips(town: Town, name: str, curve: Callable[..., DrawnLane], section:
 
 
 def _strips(section: Section) -> Iterator[tuple[str, float, float, LaneKind, tuple[str, str]]]:
-    """Yield the end of its chain's name, offset, width, kind and lines of each lane of a road."""
+    """Yield for each lane of a road the suffix of its chain's name, offset, width, kind and lines."""
     yield from _way(section, "f", section.forward)
     yield from _way(section, "b", section.backward)
     if section.left_walk:
-        # drawn against the traffic, so that its right side is where houses stand, as everywhere
+        # drawn against the traffic, so that houses stand on its right side, as on all sidewalks
         edge = _PARKING_WIDTH_M if section.left_parking else 0.0
         yield "bwalk", edge + _SIDEWALK_WIDTH_M / 2.0, _SIDEWALK_WIDTH_M, LaneKind.SIDEWALK, PLAIN
     if section.left_parking:

@@ -1,4 +1,4 @@
-"""Styles without junctions: streets, avenues, a bend, a country road, motorways where one gets on or off."""
+"""Styles without junctions: streets, avenues, a bend, a country road, motorways with entry or exit."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _MOTORWAY_START: Pose = (-200.0, 0.0, 0.0)
 _BEFORE_M, _AFTER_M = 200.0, 300.0
 _EXIT_LANE_M = 280.0
 _GAP_M = (14.0, 35.0)
-"""Who merges must see who comes."""
+"""Gap of buildings, wide enough that merging traffic sees the road."""
 
 
 def street(
     forward: int, backward: int, *, width_m: Range, limits_mps: list[float], length_m: float, straight: float,
     radius_m: Range, parking: bool = False, left_walk: bool = False,
 ) -> Draw:  # fmt: skip
-    """Return a style: a street in town with sidewalks, `straight` in that share of its towns, winding in the others."""
+    """Return a style: a street in town with sidewalks; the share `straight` of its towns is straight, others wind."""
 
     def draw(town: Town, rng: RandomNumbers) -> None:
         width, limit = rng.uniform(*width_m), rng.choice(limits_mps)
@@ -37,7 +37,7 @@ def street(
 
 
 def bend(town: Town, rng: RandomNumbers) -> None:
-    """Draw a two-way road with one tight bend: you see late who comes round it."""
+    """Draw a two-way road with one tight bend, where oncoming traffic is seen late."""
     section = Section(1, 1, rng.uniform(3.4, 3.7), rng.choice([10.0, 11.0]))
     straight = rng.uniform(115.0, 130.0)
     radius, turn = rng.uniform(25.0, 45.0), math.radians(rng.uniform(70.0, 100.0))

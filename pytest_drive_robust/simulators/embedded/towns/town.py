@@ -1,4 +1,4 @@
-"""What every style draws with: the `Town` and the words for its parts."""
+"""The `Town` that every style draws, and the types of its parts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class DrawnLane:
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """The cross-section of a road, seen in its direction: lanes per way, widths, speed limit, what lies beside.
+    """The cross-section of a road, seen in its direction: lanes per way, widths, speed limit, sidewalk and parking.
 
     `biking_m` is the width of a biking lane to the right of the driving lanes, 0 for none; `left_walk` puts a sidewalk
     to the left of a one-way street, `left_parking` a parking lane between it and the driving lanes.
@@ -50,9 +50,9 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class Arm:
-    """A road seen from a junction: heading away from the centre, distance of the box's edge from the centre.
+    """A road seen from a junction: heading away from the centre, and distance of the box's edge from the centre.
 
-    `ends_here` tells that the road was drawn towards the junction: its forward lanes come in.
+    `ends_here`: the road was drawn towards the junction, so its forward lanes come in.
     """
 
     name: str
@@ -82,7 +82,7 @@ class Arm:
 
 @dataclass(frozen=True, slots=True)
 class JunctionControl:
-    """What stands at the end of a lane: `what` is `"light"` or `"stop"`.
+    """A light or a stop sign at the end of a lane: `what` is `"light"` or `"stop"`.
 
     A light stands `far_m` metres beyond the end of the lane, on the far side of the junction, `aside_m` off the kerb.
     """
@@ -95,12 +95,12 @@ class JunctionControl:
 
 @dataclass(slots=True)
 class Town:
-    """What a style draws: lanes, by the number of which all else speaks of them.
+    """A town that a style draws: lanes, and the parts that refer to lanes by number.
 
-    `slices` are cross-sections: lanes side by side from left to right, and whether each leads along the road. `anchors`
-    are metres along a chain: where what the style is about begins, for chains without a junction. `crosswalks` are
-    4 x 2 corners in metres. Buildings stand `building_gap_m` (least, most) from the sidewalks, or from the lanes where
-    there is no sidewalk.
+    `slices` are cross-sections: lanes side by side from left to right, each with whether it leads along the road.
+    `anchors` give by chain without a junction the metres along the chain to the style's feature. `crosswalks` are 4 x 2
+    corners in metres. Buildings stand `building_gap_m` (least, most) from the sidewalks, or from the lanes of a town
+    without sidewalks.
     """
 
     name: str
@@ -118,9 +118,9 @@ class Town:
         return len(self.lanes) - 1
 
     def new_junction(self) -> int:
-        """Return a number that no junction has yet."""
+        """Return an unused junction number."""
         return 1 + max((lane.junction for lane in self.lanes), default=-1)
 
 
 Draw = Callable[[Town, RandomNumbers], None]
-"""A style: what draws a town."""
+"""A style: a function that draws a town."""

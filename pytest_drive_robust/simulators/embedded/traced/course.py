@@ -1,4 +1,4 @@
-"""What the waypoints of a dense route say: lines, the stretches without waypoints (junctions), lane changes."""
+"""Read the waypoints of a dense route: lines, the stretches without waypoints (junctions), lane changes."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _NEIGHBOURS = 4
 
 @dataclass(frozen=True, slots=True)
 class Shift:
-    """A lane change: where along the line its middle is, and how far to the right it goes."""
+    """A lane change: its middle `at_m` along the line, and the shift to the right in metres."""
 
     at_m: float
     right_m: float
@@ -37,9 +37,9 @@ class Shift:
 
 @dataclass(frozen=True, slots=True)
 class RouteCourse:
-    """`before` and `after` lie on both sides of the main stretch without waypoints; without one, `after` is None.
+    """The course of a route: `before` and `after` the main stretch without waypoints; without it, `after` is None.
 
-    `shifts` are the lane changes that were taken out of `before`, which then is one lane from end to end.
+    `shifts` are the lane changes that were removed from `before`, so that `before` is one lane from end to end.
     """
 
     before: Floats
@@ -53,11 +53,11 @@ class RouteCourse:
 
     @property
     def gap_m(self) -> float:
-        """Straight distance over the stretch without waypoints, 0 without one."""
+        """Straight distance over the stretch without waypoints in metres, 0 without a stretch."""
         return 0.0 if self.after is None else scalars.hypot(*(self.after[0, :2] - self.before[-1, :2]))
 
     def whole(self) -> Floats:
-        """Return one line, with a smooth curve where waypoints are missing."""
+        """Return the whole course as one line, with a smooth curve where waypoints are missing."""
         if self.after is None:
             return self.before
         between = bridge(tuple(self.before[-1]), tuple(self.after[0]))
@@ -65,10 +65,10 @@ class RouteCourse:
 
 
 def read_course(route: Route) -> RouteCourse:
-    """Read the waypoints of a route. Raises `RouteError` (without its id) for what cannot be a road."""
+    """Read the waypoints of a route. Raises `RouteError` (without the route's id) for an impossible road."""
     points = _points(route)
     steps = arrays.hypot(*np.diff(points, axis=0).T)
-    # where most steps are long the waypoints are sparse, and say nothing about junctions
+    # sparse waypoints have mostly long steps, so that a long step does not mean a junction
     gaps = np.flatnonzero(steps > _GAP_M) if np.median(steps) <= _GAP_M else np.array([], dtype=np.int64)
     gaps = gaps[(gaps > 0) & (gaps < len(points) - 2)]
     if len(gaps) == 0:

@@ -52,7 +52,7 @@ def straight(pose: Pose, length_m: float) -> Floats:
 
 
 def prolonged(line: Floats, *, before_m: float = 0.0, after_m: float = 0.0) -> Floats:
-    """Return the line with straight metres at its ends."""
+    """Return the line with `before_m` and `after_m` straight metres added at its ends."""
     parts = [line]
     if before_m > 0.5:
         parts.insert(0, straight(moved(tuple(line[0]), -before_m), before_m)[:-1])
@@ -67,7 +67,7 @@ def joined(*lines: Floats) -> Floats:
 
 
 def shifted(line: Floats, right_m: float | Floats) -> Floats:
-    """Return the line moved to its right, everywhere by the same or by metres for each point, points one to one."""
+    """Return the line moved right by `right_m`, a number or (n,) metres per point; keeps the number of points."""
     right = np.asarray(right_m, dtype=float)
     x = line[:, 0] - right * arrays.sin(line[:, 2])
     y = line[:, 1] + right * arrays.cos(line[:, 2])
@@ -78,7 +78,7 @@ def shifted(line: Floats, right_m: float | Floats) -> Floats:
 
 
 def reversed_line(line: Floats) -> Floats:
-    """Return the same line, driven from its end to its start."""
+    """Return the line driven from its end to its start."""
     return np.asarray(line[::-1] + np.array([0.0, 0.0, math.pi]))
 
 

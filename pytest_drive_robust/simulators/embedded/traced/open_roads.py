@@ -1,4 +1,4 @@
-"""Roads along given lines, and those without a junction: lanes beside the ego's own along its whole way."""
+"""Draw roads along given lines, and roads without a junction: lanes beside the ego's lane along its whole way."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def trace_road(town: Town, name: str, line: Floats, section: Section) -> None:
 
 
 def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | None) -> Floats:
-    """Draw the road; return the ego's way on it, with lane changes where the waypoints jump."""
+    """Draw a road without a junction; return the ego's way on it, with lane changes where the waypoints jump."""
     line = course.whole()
     roads = _for_direction(roads, direction, course.shifts)
     width = mean([abs(shift.right_m) for shift in course.shifts]) if course.shifts else LANE_M
@@ -62,9 +62,9 @@ def draw_street(town: Town, course: RouteCourse, roads: Roads, direction: str | 
 
 
 def _for_direction(roads: Roads, direction: str | None, shifts: tuple[Shift, ...]) -> Roads:
-    """Return `roads` with the ego at the other edge of its way where something happens to the left, not the right.
+    """Return `roads` with the ego's lane on the other side when the scenario is to the left.
 
-    Lane changes need lanes: as many to either side as the route goes there, and one more where it never goes.
+    With lane changes, the road gets as many lanes to either side as the route changes to that side.
     """
     if shifts:
         at = np.cumsum([0.0, *(np.sign(shift.right_m) for shift in shifts)])

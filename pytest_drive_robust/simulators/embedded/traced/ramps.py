@@ -1,4 +1,4 @@
-"""Country roads and motorways where the ego gets off or on, or somebody else gets on beside it."""
+"""Draw country roads and motorways where the ego exits or enters, or another car enters beside the ego."""
 
 from __future__ import annotations
 
@@ -33,16 +33,16 @@ _LEAST_GAP_M = 40.0
 
 
 def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
-    """Draw a road with the flow's lane beside the ego's on the side of the exit, and a ramp; return the ego's way.
+    """Draw a road with the flow's lane beside the ego's lane on the side of the exit, and a ramp; return the ego's way.
 
-    The road goes on to the flow's end where the file says that it is not on the ramp.
+    The road continues to the flow's end when the file puts this end off the ramp.
     """
     before, after = _parts(course, spec)
     gap, start = course.gap_m, course.start_m + _BEHIND_M
     own = _road_on(before, after, spec, gap)
     side = 1.0 if project(own, *after[0, :2])[1] > 0.0 else -1.0
     limit = roads.speed_mps if gap >= _SLOW_GAP_M else _SLOW_MPS
-    # room for the change of lanes before the ramp begins, and for the ramp to come away from the road
+    # leave room for the lane change before the ramp begins, and for the ramp to part from the road
     begins = _BEHIND_M + trigger_m + 1.0
     fork = min(max(start + 0.35 * gap, begins + _over_m(limit) + 2.0), start + 0.55 * gap)
     over = min(_over_m(limit), fork - begins)
@@ -60,9 +60,9 @@ def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec,
 
 
 def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec) -> Floats:
-    """Draw the flow's lane, a lane beside it that begins and ends, and a ramp to that; return the ego's way.
+    """Draw the flow's lane, an acceleration lane beside it, and a ramp to the acceleration lane; return the ego's way.
 
-    The ego comes over the ramp and ends in the flow's lane.
+    The ego enters over the ramp and ends in the flow's lane.
     """
     before, after = _parts(course, spec)
     gap = course.gap_m
@@ -120,7 +120,7 @@ def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) ->
     beyond, beside = local(tuple(after[0]), flow_end)
     on_ramp = scalars.hypot(beyond, beside) < 1.5 * LANE_M or abs(beside) < LANE_M / 2.0
     if not on_ramp and ahead > 20.0:
-        # the flow's lane lies one lane on the side of the exit
+        # the flow's lane is the next lane on the side of the exit
         right += LANE_M * (1.0 if right > local(start, after[0])[1] else -1.0)
         curvature = 2.0 * right / (ahead * ahead + right * right)
         curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
@@ -146,13 +146,13 @@ def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
 
 
 _Lanes = tuple[int, int]
-"""How many lanes a stretch of road has, and the number of the one along its line, from the left."""
+"""Number of lanes of a stretch of road, and index from the left of the lane along the road's line."""
 
 
 def _road(
     town: Town, line: Floats, speed_mps: float, changes_m: tuple[float, ...], *, lanes: tuple[_Lanes, ...]
 ) -> None:
-    """Draw a one-way road along a lane; `lanes` are those of its stretches, which end `changes_m` along it."""
+    """Draw a one-way road along the line of a lane, in stretches with `lanes`, which end `changes_m` along the line."""
     town.building_gap_m = (14.0, 35.0)
     s = arc_lengths(line)
     ends = [0, *(int(np.searchsorted(s, at)) for at in changes_m), len(line) - 1]
@@ -164,7 +164,7 @@ def _road(
 
 
 def _with_lane_between(side: float) -> tuple[_Lanes, ...]:
-    """Return the lanes of three stretches of which the middle one has another lane on that side of the line's."""
+    """Return the lanes of three stretches, the middle stretch with one more lane on `side` of the line's lane."""
     own = 1 if side > 0.0 else 0
     return (2, own), (3, 1), (2, own)
 
@@ -179,7 +179,7 @@ def _over_m(speed_mps: float) -> float:
 
 
 def _ramp_speed(ramp: Floats) -> float:
-    """Return the speed that its sharpest bend allows with 3 m/s2 sideways, 7 to 14 m/s."""
+    """Return the speed at which the ramp's sharpest bend takes 3 m/s2 sideways, limited to 7..14 m/s."""
     turns = np.pad(np.diff(ramp[:, 2]), (4, 3))
     bend = np.abs(moving_sum(turns, (0.125,) * 8)).max()
     return float(np.clip(math.sqrt(_SIDEWAYS_MPS2 / max(bend, 1e-3)), _LEAST_MPS, _RAMP_MPS))

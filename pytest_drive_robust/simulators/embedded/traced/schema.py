@@ -1,6 +1,6 @@
-"""What the leaderboard's route files say about each of the 44 scenario types, and which road it needs.
+"""The schema of the leaderboard's route files for each of the 44 scenario types, and the road that the type needs.
 
-Elements and which of them a file may leave out: Bench2Drive `leaderboard/data/bench2drive220.xml` and the
+Source of the required and optional elements: Bench2Drive `leaderboard/data/bench2drive220.xml` and the
 constructors in `scenario_runner/srunner/scenarios`.
 """
 
@@ -21,13 +21,13 @@ _CARLA_TOWN = re.compile(r"(?:\S*/)?Town(?:0[1-9]|1[0-5])(?:HD)?(?:_Opt)?")
 def is_traced(town: str) -> bool:
     """Return whether a road is built around the routes of a town of this name: `Town` and a number.
 
-    They are the towns of CARLA, and any other number is for polylines of one's own: `Town1`, `Town77`, `Town123`.
+    The towns of CARLA have such names; other numbers are for a user's own polylines: `Town1`, `Town77`, `Town123`.
     """
     return _TRACED_TOWN.fullmatch(town) is not None
 
 
 def is_carla(town: str) -> bool:
-    """Return whether a town is one of CARLA's, `Town01` to `Town15`, `Town10HD`: others read files for it, too."""
+    """Return whether a town is CARLA's (`Town01` to `Town15`, `Town10HD`), so that others read its route files, too."""
     return _CARLA_TOWN.fullmatch(town) is not None
 
 
@@ -43,10 +43,10 @@ class Place(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Roads:
-    """What is built around the route's lane.
+    """The road that is built around the route's lane.
 
-    `lanes` counts the lanes of a way, `own` the ego's from the left; `two_ways` gives a street oncoming lanes.
-    `arms` and `control` are of the junction; `control` maps to `"light"`, `"stop"` or None.
+    `lanes` is the number of lanes per way, `own` the ego's lane from the left; `two_ways` adds oncoming lanes to a
+    street. `arms` and `control` describe the junction; `control` is `"light"`, `"stop"` or None.
     """
 
     place: Place
@@ -62,7 +62,7 @@ class Roads:
 
 @dataclass(frozen=True, slots=True)
 class TypeSchema:
-    """What a type is built on, its directions, and the elements with `x`, `y` and `z` that it has or may have."""
+    """The road of a scenario type, its directions, and its required and optional elements with `x`, `y` and `z`."""
 
     roads: Roads
     directions: tuple[str, ...] = ()
@@ -113,7 +113,7 @@ READERS: dict[str, tuple[str, ...]] = {
 }  # fmt: skip
 """The scenario types of the embedded world that read an element of numbers."""
 _INTERVALS = ("frequency", "source_dist_interval")
-"""They have `from` and `to`, or one `value`."""
+"""Elements with `from` and `to`, or one `value`."""
 
 _SIDES = ("left", "right")
 _BEARINGS = ("left", "right", "opposite")
@@ -189,16 +189,15 @@ def is_numeric(element: str) -> bool:
 
 
 def nearest_hint(given: str, known: Iterable[str]) -> str:
-    """Return `", did you mean 'speed'?"` within a sentence, one problem of several; nothing when nothing is close."""
+    """Return the hint `", did you mean 'speed'?"` for use within a sentence; an empty text when no name is close."""
     close = nearest(given, known)
     return "" if close is None else f", did you mean {close!r}?"
 
 
 def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True) -> list[str]:
-    """Return what is wrong with a scenario of a route file; empty when nothing is.
+    """Return the mistakes in a scenario of a route file, one text each; empty for a correct scenario.
 
-    `strict`: there may be no element that the scenario does not read. `placed`: the places that a type has must be
-    given.
+    `strict` refuses elements that the scenario does not read. `placed` requires the places of the scenario type.
     """
     schema = SCHEMA.get(spec.type)
     if schema is None:
@@ -221,7 +220,7 @@ def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True
 
 
 def _without_effect(spec: ScenarioSpec, schema: TypeSchema) -> list[str]:
-    """Return what is wrong with the names of elements and attributes: nothing would come of them."""
+    """Return one text for each name of an element or attribute that would have no effect."""
     attributes: dict[str, tuple[str, ...]] = {
         name: ("from", "to", "value") if name in _INTERVALS else ("value",)
         for name, types in READERS.items()

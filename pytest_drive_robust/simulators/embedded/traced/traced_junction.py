@@ -1,4 +1,4 @@
-"""A junction where the waypoints leave one out: arms, the ways between them, lights or signs."""
+"""Draw a junction at the gap in the waypoints: arms, the ways between arms, lights or signs."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ _BOX_M = (9.5, 16.0)
 _SMALLEST_M = 7.0
 _TURN_RAD = math.radians(45.0)
 _TRIGGER_BEFORE_M = 9.5
-"""The scenario starts so far before the junction: 5 m to the line where one waits, the rest is the ego's front."""
+"""Distance of the scenario's start before the junction: 5 m to the stop line, and the front half of the ego."""
 _WINDOW_M = 30
 
 
 @dataclass(frozen=True, slots=True)
 class _Ways:
-    """The ego's lane before and after the junction, and the junction's middle between the two ways of its roads."""
+    """The ego's lane before and after the junction, and the middle of the junction, on the dividers of its roads."""
 
     before: Floats
     after: Floats
     centre: tuple[float, float]
     across_rad: tuple[float, float]
-    """Headings away from the middle of the two other arms, left one first where the ego goes straight on."""
+    """Headings of the two other arms, away from the middle; the left arm first when the ego goes straight on."""
 
 
 def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: float) -> tuple[Floats, float]:
-    """Draw the junction; return the ego's way through it and where on it the scenario starts at the latest."""
+    """Draw the junction; return the ego's way and the latest start of the scenario, in metres along that way."""
     if course.after is None:
         course = _cut_out(course, trigger_m)
     ways = _turning(course, trigger_m) or _straight_on(course, trigger_m)
@@ -56,7 +56,7 @@ def draw_junction(town: Town, course: RouteCourse, roads: Roads, trigger_m: floa
 
 
 def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
-    """Return where no waypoints are missing: the sharpest bend after the trigger, or else a place 40 m after it."""
+    """Cut a junction out of a course without a gap: at the sharpest bend after the trigger, else 40 m after it."""
     line = course.before
     first, last = round(trigger_m) + 12, len(line) - 12
     if last - first <= _WINDOW_M:
@@ -71,7 +71,7 @@ def _cut_out(course: RouteCourse, trigger_m: float) -> RouteCourse:
 
 
 def _turning(course: RouteCourse, trigger_m: float) -> _Ways | None:
-    """Return a junction where the ego turns, in the corner of the two roads' lanes; None where they do not meet."""
+    """Return a junction where the ego turns, at the corner of its two lanes; None when the lanes do not meet."""
     before, after = course.before, course.after
     assert after is not None
     start, end = tuple(before[-1]), tuple(after[0])
@@ -107,7 +107,7 @@ def _straight_on(course: RouteCourse, trigger_m: float) -> _Ways:
 
 
 def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
-    """Return (arm, its divider seen from the junction): the ego's way in, its way out, and the others."""
+    """Return (arm, divider line away from the junction) of the ego's way in, its way out, and the other arms."""
     plain = Section(1, 1, LANE_M, roads.speed_mps)
     own = Section(1, 1, LANE_M, roads.speed_mps, biking_m=_BIKING_M if roads.biking else 0.0)
     entry = lines.reversed_line(lines.shifted(lines.prolonged(ways.before, before_m=_ARM_M), -LANE_M / 2.0))
@@ -125,7 +125,7 @@ def _arms(ways: _Ways, roads: Roads) -> list[tuple[Arm, Floats]]:
 
 
 def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section) -> tuple[Arm, Floats]:
-    """Make an arm whose own middle lies straight behind its edge."""
+    """Make an arm whose centre lies straight behind its edge."""
     x, y, heading = (float(value) for value in line[0])
     box = scalars.hypot(x - centre[0], y - centre[1])
     behind = x - box * scalars.cos(heading), y - box * scalars.sin(heading)
@@ -133,7 +133,7 @@ def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section)
 
 
 def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:
-    """Connect every arm with every other; return the line of the ego's own way."""
+    """Connect all pairs of arms; return the line of the ego's way through the junction."""
     junction = town.new_junction()
     own: Floats | None = None
     for source in arms:

@@ -26,7 +26,7 @@ TRIGGER_OFF_M = 25.0
 
 @dataclass(frozen=True, slots=True)
 class TracedRoute:
-    """`line` (n, 3) is the route on the lanes of `town`, in the file's coordinates."""
+    """A traced route: `line` (n, 3) is the route on the lanes of `town`, in the file's coordinates."""
 
     town: CompiledTown
     line: Floats
@@ -34,7 +34,7 @@ class TracedRoute:
 
 
 def trace_route(route: Route) -> TracedRoute:
-    """Build the town of an official route, once in a process. Raises `RouteError` with everything that is wrong."""
+    """Build the town of an official route, once per process. Raises `RouteError` with all mistakes."""
     spec = route.scenario
     parts = (route.id, route.town, route.waypoints, spec.type, spec.trigger, sorted(spec.texts.items()))
     numbers = sorted((name, sorted(given.items())) for name, given in spec.parameters.items())
@@ -43,7 +43,7 @@ def trace_route(route: Route) -> TracedRoute:
 
 @dataclass(frozen=True)
 class _Key:
-    """A route as something that can be hashed: parameters are mappings."""
+    """A hashable key of a route, whose parameters are mappings and cannot be hashed."""
 
     text: str
     route: Route = field(compare=False)
