@@ -111,3 +111,25 @@ def test_intervals_in_the_explanations_stand_on_a_page_of_the_ablations() -> Non
         if f"{low} to {high}" not in pages and f"{turned(high)} to {turned(low)}" not in pages
     ]
     assert lacking == []
+
+
+def test_agents_as_they_ship_drive_on_the_pages_of_the_ablations_as_in_the_table(results: Results) -> None:
+    stop_s, warm = 45.0, "0 ms latency (reading=released)"  # the stop of the ablations
+    first = on_routes(results, [route for route in results.routes if route.endswith("01")])
+    of_pages = {f"{len(kept.routes)} routes, seed 0.": kept for kept in (results, first)}
+    rows = 0
+    for page in (BENCHMARKS / "ablations").rglob("*.md"):
+        text, driven = page.read_text(encoding="utf-8"), results.agents.get(page.stem)
+        if driven is None:  # the page that lists the others
+            continue
+        kept = of_pages[text.partition("\n")[0]]
+        # other ends of some episodes: by another stop, and on the second routes of the table, of another machine
+        within = 0.051 if driven.stuck_stop_s == stop_s and kept is first else 1.0
+        for setting, *shown in re.findall(r"^\| (.+) \| as-shipped \| (\S+) \| (\S+) \|", text, flags=re.MULTILINE):
+            if setting not in driven.settings:
+                continue
+            clean = warm if setting.endswith("latency (reading=released)") else CLEAN
+            here = [np.mean(kept.agents[page.stem].settings[name].driving_score) for name in (clean, setting)]
+            assert [float(score) for score in shown] == pytest.approx(here, abs=within), f"{page}: {setting}"
+            rows += 1
+    assert rows > 20
