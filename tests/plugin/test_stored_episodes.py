@@ -46,6 +46,17 @@ def rerun(suite, driven):
     return run
 
 
+@pytest.fixture
+def below(rerun, monkeypatch):
+    """The suite in a folder `project` of its own, in which pytest is called."""
+    folder = rerun.folder.path / "project"
+    folder.mkdir()
+    for name in ("conftest.py", "test_suite.py", "routes.xml", "tox.ini"):
+        (rerun.folder.path / name).rename(folder / name)
+    monkeypatch.chdir(folder)
+    return folder
+
+
 def test_a_second_run_drives_nothing_and_says_the_same(rerun):
     first, before = rerun()
     second, after = rerun()
@@ -66,14 +77,9 @@ def test_fresh_runs_and_runs_without_a_store_drive_again(rerun):
 
 
 @pytest.mark.parametrize("workers", [(), ("-n1",)], ids=["one-process", "one-worker"])
-def test_a_store_outside_is_found_again_though_it_moves_the_root_folder(rerun, monkeypatch, plugin_args, workers):
+def test_a_store_outside_is_found_again_though_it_moves_the_root_folder(rerun, below, plugin_args, workers):
     """Without an ini file pytest takes the store for a folder of tests, once it is there."""
-    below = rerun.folder.path / "project"
-    below.mkdir()
-    for name in ("conftest.py", "test_suite.py", "routes.xml"):
-        (rerun.folder.path / name).rename(below / name)
-    (rerun.folder.path / "tox.ini").unlink()
-    monkeypatch.chdir(below)
+    (below / "tox.ini").unlink()
     line = [*plugin_args, "-W", "ignore:Module already imported", *workers]
     line += ["--drive-robust", "--drive-sim=fake", "--drive-agent=steady", "--drive-routes=routes.xml"]
     line += ["--drive-verdict=point", "--drive-executor=inline", "--drive-store", "../store"]
@@ -86,14 +92,9 @@ def test_a_store_outside_is_found_again_though_it_moves_the_root_folder(rerun, m
 
 
 @pytest.mark.parametrize("addopts", ["", "--drive-store ../store"], ids=["command-line", "environment"])
-def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, monkeypatch, plugin_args, addopts):
+def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, below, monkeypatch, plugin_args, addopts):
     """The ini file names the agent: another one would be judged, from the second run on."""
-    below = rerun.folder.path / "project"
-    below.mkdir()
-    for name in ("conftest.py", "test_suite.py", "routes.xml", "tox.ini"):
-        (rerun.folder.path / name).rename(below / name)
     (rerun.folder.path / "store").mkdir()
-    monkeypatch.chdir(below)
     monkeypatch.setenv("PYTEST_ADDOPTS", addopts)
     line = [*plugin_args, "--drive-robust"]
     result = rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store", "../store"]))
@@ -114,14 +115,9 @@ def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, monkeypa
     ids=["runs", "episodes"],
 )
 def test_nothing_is_stored_where_the_value_of_an_option_has_moved_the_root_folder(
-    rerun, monkeypatch, plugin_args, options, first, again
+    rerun, below, plugin_args, options, first, again
 ):
-    below = rerun.folder.path / "project"
-    below.mkdir()
-    for name in ("conftest.py", "test_suite.py", "routes.xml"):
-        (rerun.folder.path / name).rename(below / name)
-    (rerun.folder.path / "tox.ini").unlink()
-    monkeypatch.chdir(below)
+    (below / "tox.ini").unlink()
     if "json" in options:
         (rerun.folder.path / "elsewhere").mkdir()
     line = [*plugin_args, "-W", "ignore:Module already imported", "--drive-robust", "--drive-sim=fake"]
