@@ -167,7 +167,7 @@ def largest(
     `ComparisonError` when a severity cannot be judged.
     """
     _require_mild_first(ladder)
-    known = known_metric(metric) if isinstance(metric, str) else metric
+    known = metric if isinstance(metric, Metric) else known_metric(metric)
     compares = comparison or (">=" if known.higher_is_better else "<=")
     rule: SearchRule = "evidence" if routes >= FEWEST_FOR_T and known.function is None else "point"
     verdict_rule = VerdictRule(rule, margin=_NO_MARGIN, alpha=ALPHA)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -246,4 +247,12 @@ def test_a_limit_that_no_agent_can_miss_is_refused_before_anything_is_driven() -
     campaign = Scores()
     with pytest.raises(RequirementError, match="holds for every agent"):
         largest(LATENCY, campaign.decide, routes=8, metric="RD", limit=1.0)  # type: ignore[arg-type]
+    assert campaign.levels == []
+
+
+@pytest.mark.parametrize("metric", ["DSS", None, 5])
+def test_what_is_no_metric_is_refused_before_anything_is_driven(metric: Any) -> None:
+    campaign = Scores()
+    with pytest.raises(RequirementError, match=f"there is no metric named {metric!r}"):
+        largest(LATENCY, campaign.decide, routes=8, metric=metric, limit=0.3)  # type: ignore[arg-type]
     assert campaign.levels == []
