@@ -108,9 +108,9 @@ class ReportingPlugin:
             early = self._why_early(session)
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
-            for first in list(self._unasked)[:1]:
-                others = f", and {len(self._unasked) - 1} more" if len(self._unasked) > 1 else ""
-                self._outputs.note(_BROKE.format(first, others))
+            if self._unasked:
+                first, *others = self._unasked
+                self._outputs.note(_BROKE.format(first, f", and {len(others)} more" if others else ""))
             for sentence in self._unheeded[:_MOST_UNHEEDED]:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:
