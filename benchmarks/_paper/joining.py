@@ -1,13 +1,14 @@
 """Join files of driven episodes of several agents, settings, routes and seeds.
 
 A drive of all agents on all routes takes days. The drive may come in pieces, each a report of its own, if all pieces
-share one world, one definition of each route, and equal weights, options and versions of each agent.
+share one world, one definition of each route, and equal weights, options, versions and machine of each agent. Machines
+are equal if they compute the same bits; a file that does not name its machine fits to any.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -17,6 +18,7 @@ from _paper.readings import DRIVEN, clean_of
 from _paper.reports import read_file
 from _paper.results import DrivenAgent, Results, Scores, SeedScores, place_of
 from pytest_drive_robust.arithmetic.signals import mean
+from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError, UsageError
 
 __all__ = ["read"]
@@ -141,13 +143,14 @@ def _completed(earlier: DrivenAgent, later: DrivenAgent, what: str) -> DrivenAge
         return later
     clean = [setting for setting in later.settings if setting == clean_of(setting) and setting in earlier.settings]
     changed = any(earlier.settings[setting] != later.settings[setting] for setting in clean)
-    if changed or _facts(earlier) != _facts(later):
+    if changed or _facts(earlier) != _facts(later) or _library_that_differs([earlier, later]):
         raise ComparisonError(
             f"{what} lacks {', '.join(lacking)}, which the files before it have of another clean run (other "
             "weights, options, versions, --drive-stuck-stop or processor). A setting is compared with its own clean "
             "run: drive those again, too."
         )
-    return replace(later, settings=_in_order({**earlier.settings, **later.settings}))
+    settings = _in_order({**earlier.settings, **later.settings})
+    return replace(later, settings=settings, machine=_machine_of([earlier, later]))
 
 
 def _facts(driven: DrivenAgent) -> tuple[object, ...]:
@@ -157,6 +160,20 @@ def _facts(driven: DrivenAgent) -> tuple[object, ...]:
     """
     versions = sorted((name, version) for name, version in driven.versions.items() if name not in _OUR_CODE)
     return driven.called, driven.stuck_stop_s, driven.made_of["weights"] or driven.made_of["source"], *versions
+
+
+def _library_that_differs(drives: Iterable[DrivenAgent]) -> str | None:
+    """Return a library that computes otherwise on one of the machines; a machine that is not known differs in none."""
+    known = [driven.machine for driven in drives if driven.machine]
+    for name, library in MACHINE_FACTS.items():
+        if len({machine[name] for machine in known if name in machine}) > 1:
+            return library
+    return None
+
+
+def _machine_of(drives: Sequence[DrivenAgent]) -> Mapping[str, str]:
+    """Return what the machine of all drives computes; empty if one of them does not say."""
+    return drives[0].machine if all(driven.machine == drives[0].machine for driven in drives) else {}
 
 
 def _in_order(settings: Mapping[str, Scores]) -> dict[str, Scores]:
@@ -174,7 +191,8 @@ def _of_all_routes(name: str, parts: Sequence[_Part]) -> _Part:
         setting: Scores((_concatenated([part.driven.settings[setting].of_seeds[0] for part in parts], order),))
         for setting in parts[0].driven.settings
     }
-    return _Part(tuple(routes[place] for place in order), replace(parts[-1].driven, settings=settings))
+    machine = _machine_of([part.driven for part in parts])
+    return _Part(tuple(routes[place] for place in order), replace(parts[-1].driven, settings=settings, machine=machine))
 
 
 def _concatenated(parts: Sequence[SeedScores], order: Sequence[int]) -> SeedScores:
@@ -218,7 +236,7 @@ def _of_all_seeds(name: str, drives: Mapping[int, DrivenAgent], seeds: Sequence[
         setting: Scores(tuple(drives[seed].settings[setting].of_seeds[0] for seed in seeds))
         for setting in driven.settings
     }
-    return replace(driven, settings=settings)
+    return replace(driven, settings=settings, machine=_machine_of([drives[seed] for seed in seeds]))
 
 
 def _check_same_drives(name: str, first: DrivenAgent | None, second: DrivenAgent | None, of: Sequence[str]) -> None:
@@ -230,8 +248,15 @@ def _check_same_drives(name: str, first: DrivenAgent | None, second: DrivenAgent
             f"{name} under {', '.join(lacking[:3])} was driven in one of these only: {of[0]}, {of[1]}. "
             "Drive it with the other, too, or leave that file out."
         )
-    if len({_facts(one) for one in (first, second) if one is not None}) > 1:
+    drives = [one for one in (first, second) if one is not None]
+    if len(set(map(_facts, drives))) > 1:
         raise ComparisonError(
             f"{name} was driven with other weights, options, versions or --drive-stuck-stop in these: {of[0]}, "
             f"{of[1]}. Drive one of them again."
+        )
+    library = _library_that_differs(drives)
+    if library is not None:
+        raise ComparisonError(
+            f"{name} was driven on machines whose {library} computes otherwise in these: {of[0]}, {of[1]}. "
+            "Drive one of them again on the machine of the other."
         )

@@ -74,15 +74,16 @@ def _of_report(document: Mapping[str, Any], path: Path) -> Results:
             f"{path} holds {len(scenarios)} clean routes of {', '.join(AGENTS)}. Expected at least {_FEWEST_ROUTES}."
         )
     routes = {route: (scenarios[route], fingerprint["routes"][route]) for route in sorted(scenarios, key=place_of)}
-    kept = {key: str(value) for key, value in versions.items() if key not in MACHINE_FACTS}
+    libraries = {name: str(version) for name, version in versions.items()}
     comfort = _comfort(document["summaries"], len(routes))
     agents = {
         name: DrivenAgent(
             spec,
             fingerprint["agents"][spec],
-            kept,
+            libraries,
             _driven(episodes[spec], list(routes), comfort.get(spec, {}), f"{path}: {spec}"),
             settings["stuck_stop_s"],
+            _machine(episodes[spec], f"{path}: {spec}"),
         )
         for name, spec in called.items()
     }
@@ -111,6 +112,22 @@ def _called(specs: Iterable[str], path: Path) -> dict[str, str]:
             )
         called[name] = spec
     return called
+
+
+def _machine(by_setting: Mapping[str, Sequence[_Episode]], what: str) -> dict[str, str]:
+    """Return what the machine computes that drove all these episodes; empty if some of them do not say."""
+    told = [
+        {name: version for name, version in episode["versions"].items() if name in MACHINE_FACTS}
+        for of_setting in by_setting.values()
+        for episode in of_setting
+    ]
+    for name, library in MACHINE_FACTS.items():
+        if len({facts[name] for facts in told if name in facts}) > 1:
+            raise ComparisonError(
+                f"{what} was driven on machines whose {library} computes otherwise, so its episodes cannot be "
+                "compared. Drive all of them on one of these machines (`--drive-fresh`)."
+            )
+    return told[0] if all(facts == told[0] for facts in told) else {}
 
 
 def _comfort(summaries: Sequence[Mapping[str, Any]], routes: int) -> dict[str, dict[str, float | None]]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -72,7 +72,8 @@ class DrivenAgent:
     """All drives of one agent, by setting. `called` is its name with options, `simlingo:tuning=published`.
 
     `made_of` identifies the agent's code and weights, `versions` its libraries. Its episodes ended when the car had
-    stood still for `stuck_stop_s`, or only as the evaluator ends episodes (None).
+    stood still for `stuck_stop_s`, or only as the evaluator ends episodes (None). `machine` tells what its machine
+    computes (`MACHINE_FACTS`); it is empty if some of the drives do not say.
     """
 
     called: str
@@ -80,6 +81,7 @@ class DrivenAgent:
     versions: Mapping[str, str]
     settings: Mapping[str, Scores]
     stuck_stop_s: float | None = None
+    machine: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def driven_as(self) -> str:
@@ -113,6 +115,7 @@ def text_of(results: Results) -> str:
             "called": driven.called,
             "made_of": driven.made_of,
             "versions": driven.versions,
+            "machine": driven.machine,
             "stuck_stop_s": driven.stuck_stop_s,
             "settings": {
                 setting: {
@@ -137,7 +140,7 @@ def text_of(results: Results) -> str:
 
 
 def _json(value: object, indent: str = "") -> str:
-    if not isinstance(value, Mapping):
+    if not isinstance(value, Mapping) or not value:
         return json.dumps(value, separators=(",", ":"), allow_nan=False)
     inner = indent + " "
     lines = [f"{inner}{json.dumps(key)}: {_json(item, inner)}" for key, item in value.items()]
@@ -156,6 +159,7 @@ def results_of(document: Mapping[str, Any]) -> Results:
                 for setting, lists in driven["settings"].items()
             },
             driven["stuck_stop_s"],
+            driven.get("machine", {}),
         )
         for name, driven in document["agents"].items()
     }

@@ -152,6 +152,10 @@ def without_its_clean_drive(document: dict[str, Any]) -> None:
                 one["setting"] = "100 ms latency (reading=released)"
 
 
+def on_two_machines(document: dict[str, Any]) -> None:
+    document["episodes"][5]["versions"] = {"machine torch": "4567"}
+
+
 @pytest.mark.parametrize(
     ("spoil", "error", "said"),
     [
@@ -162,6 +166,7 @@ def without_its_clean_drive(document: dict[str, Any]) -> None:
         (standing_agent, ComparisonError, "clean driving score is 0"),
         (two_choices_of_options, UsageError, "holds 'tcp' and 'tcp:tuning=published'"),
         (without_comfort, ComparisonError, "tcp under clean: no summary over 8 routes"),
+        (on_two_machines, ComparisonError, "tcp was driven on machines whose torch computes otherwise"),
         (without_its_clean_drive, ComparisonError, "under 0 ms latency (reading=released): 0 episodes for 8 routes"),
     ],
 )

@@ -241,6 +241,39 @@ def test_parts_that_do_not_fit_are_refused(tmp_path: Path) -> None:
         joining.read(saved(tmp_path, whole, third))
 
 
+def on_machine(document: dict[str, Any], facts: dict[str, str]) -> dict[str, Any]:
+    moved: dict[str, Any] = json.loads(json.dumps(document))
+    for episode in moved["episodes"]:
+        episode["versions"] = facts
+    return moved
+
+
+def test_drives_of_machines_that_compute_otherwise_are_not_joined(tmp_path: Path) -> None:
+    whole = report("tcp", ALIKE)
+    first, second = of_routes(whole, range(4), 30.0), of_routes(whole, range(4, 8), 30.0)
+    elsewhere, unknown = on_machine(second, {"machine torch": "4567"}), on_machine(second, {})
+    said = "tcp was driven on machines whose torch computes otherwise in these: its 4 routes from 101 to 401, its 4"
+    with pytest.raises(ComparisonError, match=said):
+        joining.read(saved(tmp_path, first, elsewhere))
+    with pytest.raises(ComparisonError, match="torch computes otherwise in these: seed 0, seed 1"):
+        joining.read(saved(tmp_path, first, with_seed(on_machine(first, {"machine torch": "4567"}), 1)))
+    lacking = report("tcp", {setting: share for setting, share in ALIKE.items() if setting != "occlusion 0.8"})
+    with pytest.raises(ComparisonError, match="of another clean run"):
+        joining.read(saved(tmp_path, whole, on_machine(lacking, {"machine torch": "4567"})))
+    assert joining.read(saved(tmp_path, first, second)).agents["tcp"].machine == {"machine torch": "0123"}
+    assert joining.read(saved(tmp_path, first, unknown)).agents["tcp"].machine == {}
+
+
+def test_the_machine_of_a_report_is_in_the_results(tmp_path: Path) -> None:
+    found = joining.read(saved(tmp_path, report("tcp", ALIKE)))
+    (tmp_path / "results.json").write_text(results.text_of(found), encoding="utf-8")
+    assert joining.read([tmp_path / "results.json"]) == found
+    document = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    assert document["agents"]["tcp"].pop("machine") == {"machine torch": "0123"}
+    (former,) = saved(tmp_path, document)
+    assert joining.read([former]).agents["tcp"].machine == {}
+
+
 def test_code_of_another_day_that_drives_the_same_goes_on(tmp_path: Path) -> None:
     whole = as_published("tcp")
     later = json.loads(json.dumps({**whole, "episodes": [e for e in whole["episodes"] if e["setting"] == CLEAN]}))

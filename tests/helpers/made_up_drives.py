@@ -41,6 +41,7 @@ def report(
             "setting": setting,
             "driving_score": min(100.0, share * CLEAN_DS[place]),
             "success": share * CLEAN_DS[place] >= 90.0,
+            "versions": {"machine torch": "0123"},
             "speed_ratios_pct": [] if place == routes - 1 else [fast[setting] - place, fast[setting] + place, 5000.0],
         }
         for setting, share in share_of.items()
@@ -49,7 +50,7 @@ def report(
     return {
         "schema": 1,
         "settings": {"seeds": [0], "metrics": "bench2drive", "stuck_stop_s": 30.0},
-        "versions": {"simulator": "made-up 1", "machine torch": "0123"},
+        "versions": {"simulator": "made-up 1"},
         "fingerprint": {
             "agents": {agent: {"distribution": "none 1.0", "source": "aa", "weights": "bb"}},
             "routes": {str(100 * place + 101): f"digest{place}" for place in range(routes)},
