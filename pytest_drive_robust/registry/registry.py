@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import functools
 import itertools
-import os
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
@@ -26,11 +25,11 @@ from pytest_drive_robust.errors import (
     PluginError,
     UnknownNameError,
     UsageError,
-    nearest,
 )
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.registry.built_in import BUILT_IN, built_in_entries, is_built_in_simulator
 from pytest_drive_robust.registry.entries import (
     KINDS,
     Entry,
@@ -40,7 +39,14 @@ from pytest_drive_robust.registry.entries import (
     is_reference,
     unknown_groups,
 )
+from pytest_drive_robust.registry.making import factory_of, made_by
 from pytest_drive_robust.registry.perturbation_classes import check_told_apart, checked_class
+from pytest_drive_robust.registry.unknown_names import (
+    declared_twice,
+    is_misspelt,
+    unknown_agent_with_options,
+    unknown_name,
+)
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 AgentFactory = Callable[[], Agent]
@@ -50,26 +56,6 @@ SimulatorFactory = Callable[[SimulatorOptions], Simulator] | Callable[[Simulator
 
 AgentFactories = Callable[[str], AgentFactory]
 """A function that makes the factory of one agent from the text after the colon of the agent's name."""
-
-_BUILT_IN = "built in"
-_BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
-    "agents": (("leaderboard", "pytest_drive_robust.bench2drive.agents.factory:leaderboard_agent", "FILE+CONFIG"),),
-    "simulators": (
-        ("embedded", "pytest_drive_robust.simulators.embedded:EmbeddedSimulator", ""),
-        ("gymnasium", "pytest_drive_robust.simulators.gymnasium:gymnasium_simulator", "ID"),
-        ("bench2drive", "pytest_drive_robust.bench2drive.evaluator.by_pytest:official_evaluator", ""),
-    ),
-}
-"""The built-in entries of each kind: name, reference, and the argument that may follow the name."""
-_HINTS: Mapping[str, str] = {
-    "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
-    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
-    "(drive-robust reads that of a conftest.py with -p conftest.py).",
-    "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
-    "simulators": "Give 'module:Class' to use your own, or register one in pytest_drive_robust_register.",
-    "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
-}
-
 
 _NO_METRIC = re.compile(r"[\s#≤≥]|<=|>=")
 """Characters that no metric's name may have: `verdict.sentences` reads one word before "under" as the metric."""
@@ -115,7 +101,7 @@ class Registry:
         `--drive-sim name:text` calls `factory(options, "text")`; without a colon the text is empty. Raises `UsageError`
         when the name is taken by another hook, or built in.
         """
-        if any(name == ours for ours, _, _ in _BUILTINS["simulators"]):
+        if is_built_in_simulator(name):
             raise UsageError(f"{name!r} is a built-in simulator and keeps its meaning: give yours another name.")
         self._register("simulators", name, factory, argument=argument)
 
@@ -135,7 +121,7 @@ class Registry:
 
         Raises `UnknownNameError` for an unknown name, and `PluginError` when the object does not load or is no agent.
         """
-        return cast("Agent", _made(self.entry("agents", name), protocol=Agent))
+        return cast("Agent", made_by(self.entry("agents", name), protocol=Agent))
 
     def simulator(self, name: str, options: SimulatorOptions | None = None) -> Simulator:
         """Return a new world.
@@ -145,7 +131,7 @@ class Registry:
         """
         entry = self.entry("simulators", name)
         argument = (name.partition(":")[2],) if entry.argument else ()
-        return cast("Simulator", _made(entry, options or SimulatorOptions(), *argument, protocol=Simulator))
+        return cast("Simulator", made_by(entry, options or SimulatorOptions(), *argument, protocol=Simulator))
 
     def perturbation(self, name: str) -> type[Perturbation]:
         """Return the class of that name (`"gps-noise"`). Raises `UnknownNameError` or `PluginError`."""
@@ -222,19 +208,12 @@ class Registry:
             name = bare
         if name not in known:
             if takes_options:
-                factory, _, options = argument.partition(":")
-                own = (
-                    f"Options follow a registered name: register {bare}:{factory} under one, then give NAME:{options}."
-                )
-                raise UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS[kind])
-            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
+                raise unknown_agent_with_options(name, known)
+            if kind in ("agents", "simulators") and is_reference(name) and not is_misspelt(bare, known):
                 return from_reference(kind, name)
-            syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
-            misplaced = [str(problem) for problem in unknown_groups()]
-            hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
-            raise UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
+            raise unknown_name(kind, name, known)
         if len(known[name]) > 1:
-            raise PluginError(_declared_twice(known[name]))
+            raise declared_twice(known[name])
         found = known[name][0]
         if kind == "agents" and found.argument:
             return found.bound_to(argument)
@@ -242,7 +221,7 @@ class Registry:
 
     def require(self, kind: str, name: str) -> None:
         """Load an entry without making an object from it. Raises `UnknownNameError` or `PluginError`."""
-        _factory_of(self.entry(kind, name))
+        factory_of(self.entry(kind, name))
 
     def problems(self) -> tuple[DriveRobustError, ...]:
         """Return an error for each unusable entry; perturbations as the last call of `perturbations` found them."""
@@ -251,7 +230,7 @@ class Registry:
 
     def _misnamed_metrics(self) -> Iterator[PluginError]:
         for entry in itertools.chain.from_iterable(self._all("metrics").values()):
-            problem = "" if entry.origin == _BUILT_IN else _metric_name_problem(entry.name)
+            problem = "" if entry.origin == BUILT_IN else _metric_name_problem(entry.name)
             if problem:
                 yield PluginError(f"the metric {entry.name!r} from {entry.origin} cannot be used: {problem}")
 
@@ -280,7 +259,7 @@ class Registry:
         if self._installed is None:
             self._installed = from_entry_points()
         if kind not in self._declared:
-            self._declared[kind] = (*_builtins(kind), *self._installed[kind])
+            self._declared[kind] = (*built_in_entries(kind), *self._installed[kind])
         found: dict[str, list[Entry]] = {}
         for entry in self._declared[kind]:
             found.setdefault(entry.name, []).append(entry)
@@ -320,19 +299,6 @@ def _plain_options(target: object) -> dict[str, object]:
     return {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
 
 
-def _builtins(kind: str) -> list[Entry]:
-    if kind == "metrics":
-        return [Entry(kind, name, _BUILT_IN, functools.partial(getattr, METRICS[name], "measure")) for name in METRICS]
-    if kind == "perturbations":
-        from pytest_drive_robust.perturbations import BUILTIN
-
-        return [Entry(kind, name, _BUILT_IN, functools.partial(BUILTIN.__getitem__, name)) for name in BUILTIN]
-    return [
-        Entry(kind, name, _BUILT_IN, from_reference(kind, path).loader, argument=argument)
-        for name, path, argument in _BUILTINS[kind]
-    ]
-
-
 def _metric_name_problem(name: str) -> str:
     """Return why a metric cannot have this name; `""` when the name is allowed."""
     if name in METRICS:
@@ -344,72 +310,3 @@ def _metric_name_problem(name: str) -> str:
         f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', '<=' and "
         f"'>='. Call it {plain!r}, say."
     )
-
-
-def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
-    """Return whether `bare`, the text before a colon, resembles a name that takes an argument, and is no module."""
-    import importlib.util
-
-    close = nearest(bare, [name for name in known if known[name][0].argument])
-    here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
-    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
-
-
-def _module_here(kind: str, name: str) -> str:
-    """Return advice for a name that is a module or file without a class; `""` when there is no such file here."""
-    module = name.removesuffix(".py").replace(os.sep, ".")
-    if kind not in ("agents", "simulators") or not os.path.isfile(f"{module.replace('.', os.sep)}.py"):
-        return ""
-    return f"A file of that name is here: give '{module}:Class' for the class in it."
-
-
-def _declared_twice(entries: Sequence[Entry]) -> str:
-    told = f"{entries[0].name!r} of {entries[0].kind} is declared by {' and '.join(entry.origin for entry in entries)}."
-    if entries[0].origin == _BUILT_IN:
-        return f"{told} What is built in keeps its meaning: uninstall the other, or have it choose another name."
-    return (
-        f"{told} Uninstall one of them, or decide by registering the name in pytest_drive_robust_register of your "
-        "conftest.py."
-    )
-
-
-def _called(entry: Entry) -> str:
-    return f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
-
-
-def _factory_of(entry: Entry) -> Callable[..., object]:
-    """Load the factory of an entry. Raises `PluginError` when the factory cannot be called."""
-    factory = entry.load()
-    if not callable(factory):
-        raise PluginError(f"{_called(entry)} is {factory!r}, expected a class or a function that makes one.")
-    return factory
-
-
-def _made(entry: Entry, *arguments: object, protocol: type) -> object:
-    """Return a new object from the entry's factory.
-
-    Raises `PluginError` when the factory fails, or when the object lacks a member of `protocol`.
-    """
-    factory, what = _factory_of(entry), _called(entry)
-    try:
-        made: object = factory(*arguments)
-    except DriveRobustError:
-        raise
-    except (Exception, SystemExit) as error:  # sys.exit() would end a command, with its own exit code
-        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
-    if isinstance(made, type):
-        raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
-    missing = missing_members(made, protocol)
-    if missing:
-        raise PluginError(
-            f"{what} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
-            f"{protocol.__module__}.{protocol.__name__}."
-        )
-    return made
-
-
-def missing_members(made: object, protocol: type) -> list[str]:
-    """Return the protocol's public members that an object lacks, sorted; a property that raises counts as present."""
-    names = {*vars(protocol), *vars(protocol).get("__annotations__", {})}
-    public = sorted(name for name in names if not name.startswith("_"))
-    return [name for name in public if not (hasattr(type(made), name) or hasattr(made, name))]

@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, Route
 from pytest_drive_robust.domain.truth import GroundTruth
-from pytest_drive_robust.registry.registry import missing_members
+from pytest_drive_robust.registry.making import missing_members
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions

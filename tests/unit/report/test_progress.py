@@ -3,7 +3,8 @@ from __future__ import annotations
 import io
 from contextlib import contextmanager
 
-from pytest_drive_robust.report.progress import LiveProgress, PlainProgress, ProgressState
+from pytest_drive_robust.report.progress import LiveProgress, PlainProgress
+from pytest_drive_robust.report.progress_state import ProgressState
 from pytest_drive_robust.store.events import Compiling, EpisodesNeeded, Finished, Planned, Spared, Started
 
 

@@ -16,7 +16,7 @@ from result_factory import scored
 from pytest_drive_robust import Requirement, requirements
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.report.progress import ProgressState
+from pytest_drive_robust.report.progress_state import ProgressState
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, planned_order

@@ -1,0 +1,66 @@
+"""Errors for a name that no entry has, or that several entries have."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+
+from pytest_drive_robust.errors import PluginError, UnknownNameError, nearest
+from pytest_drive_robust.registry.built_in import BUILT_IN
+from pytest_drive_robust.registry.entries import Entry, unknown_groups
+
+_HINTS: Mapping[str, str] = {
+    "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
+    "(drive-robust reads that of a conftest.py with -p conftest.py).",
+    "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
+    "simulators": "Give 'module:Class' to use your own, or register one in pytest_drive_robust_register.",
+    "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
+}
+
+
+def unknown_name(kind: str, name: str, known: Mapping[str, Sequence[Entry]]) -> UnknownNameError:
+    """Return the error for a name of `kind` that is not in `known`, with the nearest name and what to do."""
+    argument = name.partition(":")[2]
+    syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
+    misplaced = [str(problem) for problem in unknown_groups()]
+    hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
+    return UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
+
+
+def unknown_agent_with_options(name: str, known: Mapping[str, Sequence[Entry]]) -> UnknownNameError:
+    """Return the error for an unknown agent whose name has options, as in `blid:speed=8`."""
+    bare, _, argument = name.partition(":")
+    factory, _, options = argument.partition(":")
+    own = f"Options follow a registered name: register {bare}:{factory} under one, then give NAME:{options}."
+    return UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS["agents"])
+
+
+def declared_twice(entries: Sequence[Entry]) -> PluginError:
+    """Return the error for a name that all of `entries` have."""
+    told = f"{entries[0].name!r} of {entries[0].kind} is declared by {' and '.join(entry.origin for entry in entries)}."
+    if entries[0].origin == BUILT_IN:
+        return PluginError(
+            f"{told} What is built in keeps its meaning: uninstall the other, or have it choose another name."
+        )
+    return PluginError(
+        f"{told} Uninstall one of them, or decide by registering the name in pytest_drive_robust_register of your "
+        "conftest.py."
+    )
+
+
+def is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
+    """Return whether `bare`, the text before a colon, resembles a name that takes an argument, and is no module."""
+    import importlib.util
+
+    close = nearest(bare, [name for name in known if known[name][0].argument])
+    here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
+    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+
+
+def _module_here(kind: str, name: str) -> str:
+    """Return advice for a name that is a module or file without a class; `""` when there is no such file here."""
+    module = name.removesuffix(".py").replace(os.sep, ".")
+    if kind not in ("agents", "simulators") or not os.path.isfile(f"{module.replace('.', os.sep)}.py"):
+        return ""
+    return f"A file of that name is here: give '{module}:Class' for the class in it."
