@@ -16,13 +16,15 @@ from typing import Any
 
 from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
-from pytest_drive_robust.bench2drive.evaluator import drive
 from pytest_drive_robust.bench2drive.evaluator.attempt import Patience
 from pytest_drive_robust.bench2drive.evaluator.checkout import Checkout
 from pytest_drive_robust.bench2drive.evaluator.doctor import carla_version, checkout_version
+from pytest_drive_robust.bench2drive.evaluator.drive import drive_route
 from pytest_drive_robust.bench2drive.evaluator.gpus import visible_gpus
 from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT, check_ports
+from pytest_drive_robust.bench2drive.evaluator.route_result import DrivenRoute, read_finished
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
+from pytest_drive_robust.bench2drive.evaluator.setup import EvaluatorSetup, setting_as_json
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
@@ -130,7 +132,7 @@ class Bench2DriveExecutor(Executor):
             agent, _ = read_agent(request.episode.agent, self._checkout.root)
             require_planner_type(agent)
             self._require_route(request.route)
-            drive.setting_as_json(request.setting, seed=request.episode.seed)
+            setting_as_json(request.setting, seed=request.episode.seed)
             with self._planning:
                 self._planned[_kind(request)][request.route.id] = None
 
@@ -143,7 +145,7 @@ class Bench2DriveExecutor(Executor):
         run_folder = self.run_folder(request)
         if not self._reuses(run_folder, request):
             return None
-        driven = drive.read_finished(run_folder, request.route.id, request.setting)
+        driven = read_finished(run_folder, request.route.id, request.setting)
         return None if driven is None else self._result(driven, request, run_folder)
 
     def run_folder(self, request: EpisodeRequest) -> RunFolder:
@@ -158,9 +160,9 @@ class Bench2DriveExecutor(Executor):
         self._stop.set()
         self._pool.shutdown(cancel_futures=True)
 
-    def _setup(self, request: EpisodeRequest) -> drive.EvaluatorSetup:
+    def _setup(self, request: EpisodeRequest) -> EvaluatorSetup:
         agent, config = read_agent(request.episode.agent, self._checkout.root)
-        return drive.EvaluatorSetup(
+        return EvaluatorSetup(
             self._checkout, agent, config, request.setting, request.episode.seed, self._routes,
             port=self._port, tries=self._tries, patience=self._patience,
         )  # fmt: skip
@@ -178,7 +180,7 @@ class Bench2DriveExecutor(Executor):
         slot = self._free.get()
         try:
             setup = replace(self._setup(request), gpu=self._gpus[slot % len(self._gpus)])
-            driven = drive.drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop, reuse=reuse)
+            driven = drive_route(setup, request.route.id, run_folder, slot=slot, stop=self._stop, reuse=reuse)
         finally:
             self._free.put(slot)
         if driven.record is None and self._stop.is_set():
@@ -190,7 +192,7 @@ class Bench2DriveExecutor(Executor):
     def _reuses(self, run_folder: RunFolder, request: EpisodeRequest) -> bool:
         return not self._fresh or (run_folder.folder, request.route.id) in self._driven
 
-    def _result(self, driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
+    def _result(self, driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
         return replace(_result(driven, request, run_folder), wall_s=driven.wall_s, versions=self._versions)
 
     @cached_property
@@ -227,7 +229,7 @@ def _kind(request: EpisodeRequest) -> tuple[object, ...]:
     return episode.agent, episode.setting, episode.seed, request.identity
 
 
-def _result(driven: drive.DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
+def _result(driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder) -> EpisodeResult:
     """Return the episode; `infra_error` when no try gave a score.
 
     Raises `UsageError` for a record whose score does not follow from its infractions.

@@ -26,11 +26,11 @@ from official_stream import (
 )
 
 from pytest_drive_robust.bench2drive.evaluator import inject
-from pytest_drive_robust.bench2drive.evaluator.drive import setting_as_json
 from pytest_drive_robust.bench2drive.evaluator.injection.injector import Injector
 from pytest_drive_robust.bench2drive.evaluator.injection.payloads import cameras_of
 from pytest_drive_robust.bench2drive.evaluator.injection.plan import SettingRefusedError, plan_from
 from pytest_drive_robust.bench2drive.evaluator.injection.seams import wrap
+from pytest_drive_robust.bench2drive.evaluator.setup import setting_as_json
 from pytest_drive_robust.errors import PerturbationError, UsageError
 from pytest_drive_robust.perturbations import (
     BUILTIN,

@@ -16,7 +16,7 @@ import pytest
 from official_stream import CAMERAS, command_for, recorded, through_package
 
 from pytest_drive_robust.bench2drive.evaluator import inject
-from pytest_drive_robust.bench2drive.evaluator.drive import setting_as_json
+from pytest_drive_robust.bench2drive.evaluator.setup import setting_as_json
 from pytest_drive_robust.perturbations import (
     BurstFrameDrop,
     FrameBlend,
