@@ -193,6 +193,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
+        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: the agent under test. Left out"),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
