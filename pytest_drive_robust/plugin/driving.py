@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
-BROKE_UNASKED = "drive_robust_broke_unasked"
-"""The attribute of the report on a test that broke before it asked `drive` for anything."""
+BROKE = "drive_robust_broke"
+"""The attribute of the report on a test that uses `drive` and broke: what it did not ask for by then is not judged."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
 """What pytest calls a strict xfail, and a test of `unittest.expectedFailure`, that passes."""
 
@@ -77,8 +77,8 @@ class DrivingPlugin:
                 report.longrepr = _shown(item, error)
         elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
             report.outcome, report.longrepr = "passed", None
-        if report.failed and _is_unasked(item, report):
-            vars(report)[BROKE_UNASKED] = True  # a plain attribute, as below
+        if report.failed and _broke(item, report, error):
+            vars(report)[BROKE] = True  # a plain attribute, as below
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
@@ -134,12 +134,19 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
 
 
-def _is_unasked(item: pytest.Item, report: pytest.TestReport) -> bool:
-    """Return True for a test that uses `drive` and broke before asking for anything, for example in another fixture."""
+def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> bool:
+    """Return True for a failed test that uses `drive` and broke before its end, for example in another fixture.
+
+    A test that has asked for something did not break when it failed by `assert`, `pytest.fail` or one of our errors:
+    that is its own verdict.
+    """
     if not uses_drive(item) or "drive" not in getattr(item, "fixturenames", ()):
         return False
     drive = getattr(item, "funcargs", {}).get("drive")
-    return report.when == "setup" if drive is None else isinstance(drive, Drive) and not drive.was_asked
+    if drive is None:
+        return report.when == "setup"
+    is_verdict = report.when == "teardown" or isinstance(error, (AssertionError, pytest.fail.Exception, type(None)))
+    return isinstance(drive, Drive) and not (drive.was_asked and is_verdict)
 
 
 def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:
