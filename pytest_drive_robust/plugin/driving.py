@@ -7,6 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import pytest
+from _pytest.skipping import evaluate_xfail_marks
 
 from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
@@ -30,6 +31,8 @@ NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
 BROKE = "drive_robust_broke"
 """The attribute of the report on a test that uses `drive` and broke: what it did not ask for by then is not judged."""
+MAY_FAIL = "drive_robust_may_fail"
+"""The attribute of the report on a test that is expected to fail and whose inconclusive verdict may become a fail."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
 """What pytest calls a strict xfail, and a test of `unittest.expectedFailure`, that passes."""
 
@@ -75,8 +78,9 @@ class DrivingPlugin:
             report.outcome = "failed"
             if call.excinfo is None or call.excinfo.value is not error:
                 report.longrepr = _shown(item, error)
-        elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
+        elif is_open(report) and _passed_unexpectedly(report):
             report.outcome, report.longrepr = "passed", None
+            vars(report)[MAY_FAIL] = _expects_broken_requirement(item)
         if report.failed and _broke(item, report, error):
             vars(report)[BROKE] = True  # a plain attribute, as below
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
@@ -132,6 +136,20 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     if given is None:
         return None
     return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
+
+
+def _passed_unexpectedly(report: pytest.TestReport) -> bool:
+    """Return True for a test that is expected to fail and that passed, strict or not."""
+    if report.passed:
+        return hasattr(report, "wasxfail")
+    return report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL)
+
+
+def _expects_broken_requirement(item: pytest.Item) -> bool:
+    """Return whether a test that is expected to fail may do so by a broken requirement: xfail may name exceptions."""
+    marked = evaluate_xfail_marks(item)
+    raises = None if marked is None else marked.raises
+    return raises is None or (isinstance(raises, (type, tuple)) and issubclass(BrokenRequirementError, raises))
 
 
 def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> bool:

@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
-from pytest_drive_robust.plugin.driving import BROKE, NOT_JUDGED
+from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import is_terminal
@@ -42,6 +42,7 @@ class ReportingPlugin:
         self._deselected = False
         self._ended: set[str] = set()
         self._broken_tests: dict[str, None] = {}
+        self._may_fail: set[str] = set()
         self._unheeded: list[str] = []
 
     def pytest_report_header(self) -> str:
@@ -75,8 +76,11 @@ class ReportingPlugin:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note a test that passed although `drive` raised in it: a thread or an `except` swallowed the error.
 
-        Notes as well a test that broke before it had asked `drive` for everything.
+        Notes as well a test that broke before it had asked `drive` for everything, and a test that was expected to
+        fail and whose verdict is still inconclusive.
         """
+        if getattr(report, MAY_FAIL, False):
+            self._may_fail.add(report.nodeid)
         if report.failed and getattr(report, BROKE, False):
             self._broken_tests[report.nodeid] = None
         told = [value for name, value in report.user_properties if name == UNHEEDED]
@@ -117,7 +121,9 @@ class ReportingPlugin:
                 self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
             partial = bool(early or self._broken_tests)
             whole = not (self._deselected or partial) and every_test_ran(session)
-            problem = self._outputs.finish(whole=whole, ended_early=partial, advice=self._advice(session))
+            problem = self._outputs.finish(
+                whole=whole, ended_early=partial, may_fail=self._may_fail, advice=self._advice(session)
+            )
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:
