@@ -62,7 +62,11 @@ def drives_of(path: Path) -> Iterator[tuple[str, Mapping[Place, Driven]]]:
         ]
         yield path.stem, {(path, place): drive for place, drive in enumerate(whole)}
         return
-    clean = [episode for episode in report["episodes"] if episode["setting"] == CLEAN and episode["ticks"]]
+    clean = [
+        episode
+        for episode in report["episodes"]
+        if episode["setting"] == CLEAN and episode["outcome"] != Outcome.INFRA_ERROR.value and episode["ticks"]
+    ]
     for agent in dict.fromkeys(episode["agent"] for episode in clean):
         yield (
             agent,

@@ -10,7 +10,7 @@ from pytest_drive_robust.cli.tables import say
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.regression.document import damaged, snapshot_of
+from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, kept_requirements, propose_limits
 from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.report.numbers import counted
@@ -51,10 +51,7 @@ def _limits(options: argparse.Namespace) -> int:
         perturbations=default_registry().perturbations(),
         rule=rule,
     )
-    try:
-        kept = kept_requirements(document.get("requirements", ()), options.agent, found)
-    except (KeyError, TypeError) as error:
-        raise damaged(options.run, error) from None
+    kept = kept_requirements(document.get("requirements", ()), options.agent, found)
     head = (
         f"# proposed by drive-robust limits: what {options.agent} showed, and the distance that evidence needs with a "
         f"margin of {rule.margin:.2f}\n# review: a limit states what you need, not what the agent does\n"

@@ -13,6 +13,7 @@ from typing import Any, NoReturn
 
 from pytest_drive_robust import __version__
 from pytest_drive_robust.errors import DriveRobustError, did_you_mean
+from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.registry.plugins import register_names_of
 from pytest_drive_robust.registry.registry import default_registry
 
@@ -56,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parser().parse_args(arguments)
         for word in options.plugins:  # as pytest does it for `-p` and for a `conftest.py`
             register_names_of(word, default_registry())
-        code: int = options.command(options)
+        with exits_raised():
+            code: int = options.command(options)
         sys.stdout.flush()
     except DriveRobustError as error:
         print(f"drive-robust: {error}", file=sys.stderr)

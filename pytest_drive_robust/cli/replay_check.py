@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.document import damaged, read_document
+from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.references import StoredRuns, project_home, run_file
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.cache_key.identity import route_digest
@@ -80,10 +80,10 @@ def before_of(
     label = f"the run {path.stem if reference is None else reference}"
     try:
         document = read_document(path)
-        settings = {"simulator": simulator, "stuck_stop_s": stuck_stop_s, **(document["settings"] or {})}
+        settings = {"stuck_stop_s": stuck_stop_s, **document["settings"]}
         if reference is None and (settings["simulator"], settings["stuck_stop_s"]) != (simulator, stuck_stop_s):
             return None
-        digests, routes = _digests(document, path), _routes(document)
+        digests, routes = _digests(document), _routes(document)
     except UsageError:
         if reference is not None:
             raise
@@ -124,20 +124,13 @@ def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
     return found
 
 
-def _digests(document: Mapping[str, Any], path: Path) -> dict[Episode, str]:
-    try:
-        return {
-            Episode(str(item["agent"]), str(item["route_id"]), str(item["setting"]), int(item["seed"])): str(
-                item["trace_digest"]
-            )
-            for item in document["episodes"]
-        }
-    except (KeyError, TypeError, ValueError) as error:
-        raise damaged(str(path), error) from None
+def _digests(document: Mapping[str, Any]) -> dict[Episode, str]:
+    return {
+        Episode(item["agent"], item["route_id"], item["setting"], item["seed"]): item["trace_digest"]
+        for item in document["episodes"]
+    }
 
 
 def _routes(document: Mapping[str, Any]) -> dict[str, str]:
     """Return the digest of each route by id; empty for a run that does not tell its routes."""
-    fingerprint = document.get("fingerprint")
-    routes = fingerprint.get("routes") if isinstance(fingerprint, dict) else None
-    return {str(name): str(digest) for name, digest in routes.items()} if isinstance(routes, dict) else {}
+    return dict(document["fingerprint"]["routes"]) if "fingerprint" in document else {}

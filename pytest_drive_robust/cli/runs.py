@@ -8,7 +8,7 @@ from typing import Any
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.regression.document import damaged, read_document
+from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.references import StoredRuns, project_home
 
 
@@ -25,9 +25,9 @@ def _list(options: argparse.Namespace) -> int:
     for name in runs.names():
         try:
             rows.append(_row(name, read_document(runs.path / f"{name}.json")))
-        except (UsageError, KeyError, TypeError) as error:  # noqa: PERF203 - the others are listed all the same
+        except UsageError as error:  # noqa: PERF203 - the others are listed all the same
             rows.append((name, "not a run"))
-            problems.append(str(error if isinstance(error, UsageError) else damaged(name, error)))
+            problems.append(str(error))
     if not rows:
         print("no stored run. Store one with pytest --drive-robust --drive-save")
         return 0

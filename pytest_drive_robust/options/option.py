@@ -102,18 +102,26 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 
 
 def _text(option: Option, source: OptionSource) -> str:
-    """Return the command line's value, else the ini file's, else `""`.
+    """Return the command line's value, by the flag or by `-o`, else the ini file's, else `""`.
 
     Raises `UsageError` for a blank value on the command line, for example from an unset variable of CI: the run would
     judge another agent or compare nothing.
     """
-    value = source.getoption(option.name)
+    value, given = source.getoption(option.name), option.flag
     if option.is_switch:
         return "on" if value else ""
+    if value is None:
+        value, given = _overriding(option, source), f"-o {option.name}"
     if value is not None and not str(value).strip():
         usual = f", or {option.default!r}" if option.default else ""
         raise UsageError(
-            f"{option.flag} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
+            f"{given} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
             f"says{usual}."
         )
     return str(source.getini(option.name) if value is None else value).strip()
+
+
+def _overriding(option: Option, source: OptionSource) -> str | None:
+    """Return the value that the last `-o KEY=VALUE` gives for the ini key of an option, or None without one."""
+    pairs = [override.partition("=") for override in source.getoption("override_ini") or ()]
+    return next((value for key, _, value in reversed(pairs) if key.strip() == option.name), None)

@@ -7,6 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import pytest
+from _pytest.skipping import evaluate_xfail_marks
 
 from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
@@ -28,8 +29,10 @@ if TYPE_CHECKING:
 
 NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
-BROKE_UNASKED = "drive_robust_broke_unasked"
-"""The attribute of the report on a test that broke before it asked `drive` for anything."""
+BROKE = "drive_robust_broke"
+"""The attribute of the report on a test that uses `drive` and broke: what it did not ask for by then is not judged."""
+MAY_FAIL = "drive_robust_may_fail"
+"""The attribute of the report on a test that is expected to fail and whose inconclusive verdict may become a fail."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
 """What pytest calls a strict xfail, and a test of `unittest.expectedFailure`, that passes."""
 
@@ -75,10 +78,11 @@ class DrivingPlugin:
             report.outcome = "failed"
             if call.excinfo is None or call.excinfo.value is not error:
                 report.longrepr = _shown(item, error)
-        elif report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL) and is_open(report):
+        elif is_open(report) and _passed_unexpectedly(report):
             report.outcome, report.longrepr = "passed", None
-        if report.failed and _is_unasked(item, report):
-            vars(report)[BROKE_UNASKED] = True  # a plain attribute, as below
+            vars(report)[MAY_FAIL] = _expects_broken_requirement(item)
+        if report.failed and _broke(item, report, error):
+            vars(report)[BROKE] = True  # a plain attribute, as below
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
             crash = getattr(report.longrepr, "reprcrash", None)
             if crash is not None:
@@ -134,12 +138,33 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
 
 
-def _is_unasked(item: pytest.Item, report: pytest.TestReport) -> bool:
-    """Return True for a test that uses `drive` and broke before asking for anything, for example in another fixture."""
+def _passed_unexpectedly(report: pytest.TestReport) -> bool:
+    """Return True for a test that is expected to fail and that passed, strict or not."""
+    if report.passed:
+        return hasattr(report, "wasxfail")
+    return report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL)
+
+
+def _expects_broken_requirement(item: pytest.Item) -> bool:
+    """Return whether a test that is expected to fail may do so by a broken requirement: xfail may name exceptions."""
+    marked = evaluate_xfail_marks(item)
+    raises = None if marked is None else marked.raises
+    return raises is None or (isinstance(raises, (type, tuple)) and issubclass(BrokenRequirementError, raises))
+
+
+def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> bool:
+    """Return True for a failed test that uses `drive` and broke before its end, for example in another fixture.
+
+    A test that has asked for something did not break when it failed by `assert`, `pytest.fail` or one of our errors:
+    that is its own verdict.
+    """
     if not uses_drive(item) or "drive" not in getattr(item, "fixturenames", ()):
         return False
     drive = getattr(item, "funcargs", {}).get("drive")
-    return report.when == "setup" if drive is None else isinstance(drive, Drive) and not drive.was_asked
+    if drive is None:
+        return report.when == "setup"
+    is_verdict = report.when == "teardown" or isinstance(error, (AssertionError, pytest.fail.Exception, type(None)))
+    return isinstance(drive, Drive) and not (drive.was_asked and is_verdict)
 
 
 def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:

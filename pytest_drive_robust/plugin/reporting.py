@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
-from pytest_drive_robust.plugin.driving import BROKE_UNASKED, NOT_JUDGED
+from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import is_terminal
@@ -22,7 +22,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
-_BROKE = "{} broke before it asked for a verdict{}: what it would have judged is not in this report"
+_BROKE = "{} broke{}: what it had not judged by then is not in this report"
 _MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("ignore", "ignore_glob", "lf")  # these leave out whole files, without a call of `pytest_deselected`
@@ -41,7 +41,8 @@ class ReportingPlugin:
         self._lost_worker = False
         self._deselected = False
         self._ended: set[str] = set()
-        self._unasked: dict[str, None] = {}
+        self._broken_tests: dict[str, None] = {}
+        self._may_fail: set[str] = set()
         self._unheeded: list[str] = []
 
     def pytest_report_header(self) -> str:
@@ -70,15 +71,18 @@ class ReportingPlugin:
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         """Note a file whose collection failed: with --continue-on-collection-errors the other files run."""
         if report.failed:
-            self._unasked[report.nodeid] = None
+            self._broken_tests[report.nodeid] = None
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note a test that passed although `drive` raised in it: a thread or an `except` swallowed the error.
 
-        Notes as well a test that broke before it asked `drive` for anything.
+        Notes as well a test that broke before it had asked `drive` for everything, and a test that was expected to
+        fail and whose verdict is still inconclusive.
         """
-        if report.failed and getattr(report, BROKE_UNASKED, False):
-            self._unasked[report.nodeid] = None
+        if getattr(report, MAY_FAIL, False):
+            self._may_fail.add(report.nodeid)
+        if report.failed and getattr(report, BROKE, False):
+            self._broken_tests[report.nodeid] = None
         told = [value for name, value in report.user_properties if name == UNHEEDED]
         self._unheeded += [f"{report.nodeid} passed although it was told: {line}" for line in told]
 
@@ -108,16 +112,18 @@ class ReportingPlugin:
             early = self._why_early(session)
             if early:
                 self._outputs.note(_ENDED_EARLY.format(early))
-            if self._unasked:
-                first, *others = self._unasked
+            if self._broken_tests:
+                first, *others = self._broken_tests
                 self._outputs.note(_BROKE.format(first, f", and {len(others)} more" if others else ""))
             for sentence in self._unheeded[:_MOST_UNHEEDED]:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:
                 self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
-            partial = bool(early or self._unasked)
+            partial = bool(early or self._broken_tests)
             whole = not (self._deselected or partial) and every_test_ran(session)
-            problem = self._outputs.finish(whole=whole, ended_early=partial, advice=self._advice(session))
+            problem = self._outputs.finish(
+                whole=whole, ended_early=partial, may_fail=self._may_fail, advice=self._advice(session)
+            )
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED
         if self._broke and session.exitstatus == pytest.ExitCode.OK:

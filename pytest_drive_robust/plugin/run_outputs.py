@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import replace
 from functools import partial
 from importlib import metadata
@@ -83,16 +83,25 @@ class RunOutputs:
         """Keep a sentence for every report."""
         self._notes.append(sentence)
 
-    def finish(self, *, whole: bool = False, ended_early: bool = False, advice: str = SELECT_TESTS) -> bool:
+    def finish(
+        self,
+        *,
+        whole: bool = False,
+        ended_early: bool = False,
+        may_fail: Container[str] = (),
+        advice: str = SELECT_TESTS,
+    ) -> bool:
         """Build the result and write the files; return True when the run must not be green although its tests passed.
 
-        `whole` says that every test was selected and ran, `ended_early` that tests did not run or broke. `advice` is
-        shown when no episode was driven.
+        `whole` says that every test was selected and ran, `ended_early` that tests did not run or broke. `may_fail`
+        are the tests whose inconclusive requirements were expected to fail. `advice` is shown when no episode was
+        driven.
         """
         run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
             return True
-        run = self._run = replace(run, ended_early=ended_early)
+        late = [item for item in run.late if item.nodeid not in may_fail and not self._checks.is_waived(item)]
+        run = self._run = replace(run, ended_early=ended_early, late=tuple(late))
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)
         red = self._attempt(

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
+from pytest_drive_robust.registry.exits import exits_raised
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 """The kinds of entries; those of a distribution stand in the entry point group `pytest_drive_robust.<kind>`."""
@@ -160,7 +161,8 @@ class Entry:
     def load(self) -> object:
         """Return the object behind the name. Raises `PluginError`, which names the origin, when its import fails."""
         try:
-            loaded = self.loader()
+            with exits_raised():
+                loaded = self.loader()
         except (DriveRobustError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an import may also call sys.exit() or pytest.skip()

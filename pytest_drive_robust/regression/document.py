@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
+from pytest_drive_robust.regression.shape import misfit
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.store.episode_fields import result_of
@@ -20,9 +21,8 @@ SCHEMA = 1
 
 Increase `SCHEMA` when a key changes its meaning or goes away, not when a key is added.
 """
-_OBJECTS = ("settings", "versions", "fingerprint", "stored")
-_LISTS = ("summaries", "episodes", "requirements", "searches", "notes")
-"""The parts of a document. Older runs may lack a part, and `stored` may be null."""
+_PARTS = ("settings", "summaries", "episodes")
+"""The parts that every run has."""
 _NOT_YET_TOLD: Mapping[str, Any] = {
     "speed_ratios_pct": (),
     "schedule": (),
@@ -31,6 +31,14 @@ _NOT_YET_TOLD: Mapping[str, Any] = {
     "versions": {},
 }
 """Values of the episode fields that older runs lack."""
+_OLDER_LACK: Mapping[str, Collection[str]] = {
+    "": ("versions", "fingerprint", "requirements", "searches", "notes"),
+    "settings": ("agent", "routes", "seeds", "stuck_stop_s", "verdict", "margin", "alpha", "correction"),
+    "summary_row": ("privileged", "summary", "rd", "problem"),
+    "requirement": ("value", "low", "high", "message", "planned", "rule", "p_value", "family", "margin"),
+    "episode": (*_NOT_YET_TOLD, "reception"),
+}
+"""The keys that older runs lack, by the part of the schema."""
 
 
 def json_text(document: Mapping[str, object]) -> str:
@@ -48,16 +56,15 @@ def read_document(path: Path) -> dict[str, Any]:
         raise UsageError(f"the run {str(path)!r} is not valid JSON: {error}.") from None
     except RecursionError as error:
         raise damaged(str(path), error) from None
-    if not isinstance(document, dict) or any(name not in document for name in ("settings", "summaries", "episodes")):
+    if not isinstance(document, dict) or any(name not in document for name in _PARTS):
         raise UsageError(f"{str(path)!r} is not a run: expected a file written by --drive-save or --drive-json.")
     if document.get("schema") != SCHEMA:
         raise UsageError(
             f"the run {str(path)!r} has schema {document.get('schema')!r}, this version reads {SCHEMA}. Drive it again."
         )
-    wrong = [name for name in _OBJECTS if not isinstance(document.get(name), (dict, type(None)))]
-    wrong += [name for name in _LISTS if not isinstance(document.get(name, []), list)]
+    wrong = misfit(document, "run", may_lack=_OLDER_LACK)
     if wrong:
-        raise UsageError(f"the run {str(path)!r} is damaged: it has something else under {wrong[0]!r} than runs have.")
+        raise UsageError(f"the run {str(path)!r} is damaged: {wrong}.")
     return document
 
 

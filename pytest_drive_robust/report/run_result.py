@@ -86,8 +86,8 @@ class RunResult:
     An episode that was driven ahead, but that its verdict did not need, is left out, so that the result does not depend
     on the speed of the workers. `driven` is how many of `episodes` this run drove itself; the others were in the store.
     `late` are the verdicts of `judged` that were inconclusive in their test and became fails when all p-values were
-    known. `ended_early` is True when tests were left at the end of the run, or broke before their verdict; the result
-    lacks the requirements of those tests.
+    known, without those that are waived or of a test that was expected to fail. `ended_early` is True when tests were
+    left at the end of the run, or broke before their verdict; the result lacks the requirements of those tests.
     """
 
     options: RunOptions

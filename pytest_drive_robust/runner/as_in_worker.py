@@ -8,10 +8,14 @@ from collections.abc import Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 
+from pytest_drive_robust.registry.exits import exits_raised
+
 
 @contextmanager
 def as_in_worker(folder: Path | str = os.curdir, environment: MutableMapping[str, str] | None = None) -> Iterator[None]:
     """Run the body in `folder`, with the variables of `environment`, and with warnings that are no errors.
+
+    `os._exit` raises there (see `exits_raised`), as nothing else would tell that the agent ended the process.
 
     `environment` holds the variables from before any test; afterwards it holds them with the agent's changes. None or
     an empty mapping means the present variables.
@@ -19,7 +23,7 @@ def as_in_worker(folder: Path | str = os.curdir, environment: MutableMapping[str
     Without this, a test's folder and variables, or pytest's `-W error`, could change an episode that is stored under
     the key of a worker process's episode.
     """
-    with in_folder(folder), _in_environment(environment), warnings.catch_warnings():
+    with in_folder(folder), _in_environment(environment), exits_raised(), warnings.catch_warnings():
         warnings.filters = [
             ("default" if action == "error" else action, message, category, module, line)
             for action, message, category, module, line in warnings.filters

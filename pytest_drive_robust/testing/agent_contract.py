@@ -14,6 +14,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError, UsageError
+from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.runner.cache_key.declared import undeclared
 from pytest_drive_robust.runner.cache_key.identity import weights_digest
 from pytest_drive_robust.runner.episode.contract import (
@@ -70,7 +71,7 @@ def check_agent(
     other = other_route or route or fake_route("2", length_m=_OTHER_LENGTH_M)
     trial = _Trial(agent_factory, world, route or fake_route(), other, seed, act_timeout_s)
     checks = []
-    with OneThread() as one_thread:  # as in a run: sums over several threads differ in the last bits
+    with exits_raised(), OneThread() as one_thread:  # as in a run: sums over several threads differ in the last bits
         for check in trial.checks():
             one_thread.limit()  # also libraries that the first check loads with the agent
             told(check)

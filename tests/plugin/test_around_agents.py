@@ -109,3 +109,23 @@ AGENTS.append(warning)
         result = run(folder, "--drive-agent", "warning", "--drive-executor", executor, *as_errors)
     result.assert_outcomes(passed=1)
     result.stdout.fnmatch_lines(["*probe: warning drove route 1 clean twice with seed 0: the same 53 ticks *"])
+
+
+def test_an_agent_that_ends_the_process_does_not_end_a_run_that_drives_in_it(suite):
+    leaving = """
+class Leaving(ScriptedAgent):
+    def act(self, observation):
+        os._exit(0)
+
+
+def leaving():
+    return Leaving([Control(throttle=1.0)])
+
+
+AGENTS.append(leaving)
+"""
+    result = suite("DS under clean >= 60", conftest=leaving).runpytest_subprocess(
+        "--drive-robust", "--drive-agent=leaving"
+    )
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["*act raised SystemExit: os._exit(0)*", "*1 failed*"])

@@ -84,8 +84,10 @@ def test_second(drive):
     for name in ("first", "second")[:marks]:
         test = test.replace(f"def test_{name}", f"@NAMED\ndef test_{name}")
     test = test.replace("@NAMED", '@pytest.mark.drive_robust(agent="steady", routes="routes.xml")')
-    unsaid = ("-o", "drive_agent=", "-o", "drive_routes=", "--drive-sim", "one-town")
-    result = run(suite(test=test, conftest=absent), *unsaid, *args)
+    folder = suite(test=test, conftest=absent)
+    ini = folder.path / "tox.ini"
+    ini.write_text(ini.read_text().replace("drive_agent = steady\n", "").replace("drive_routes = routes.xml\n", ""))
+    result = run(folder, "--drive-sim", "one-town", *args)
     assert result.ret == (4 if told else 0)
     result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
 

@@ -193,6 +193,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
+        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: the agent under test. Left out"),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
@@ -446,7 +447,7 @@ def test_a_run_of_which_a_test_broke_before_it_asked_is_not_taken_for_whole(suit
     document = stored(folder, "down")
     assert document["ended_early"] is True
     (note,) = document["notes"]
-    assert re.match(r"test_suite.py::test_requirement\[ds-throttle\S+ broke before it asked for a verdict: ", note)
+    assert re.match(r"test_suite.py::test_requirement\[ds-throttle\S+ broke: what it had not judged ", note)
 
 
 def test_a_run_without_a_file_that_cannot_be_collected_is_not_taken_for_whole(suite):
@@ -455,9 +456,16 @@ def test_a_run_without_a_file_that_cannot_be_collected_is_not_taken_for_whole(su
     run(folder, "--drive-save=early", "--continue-on-collection-errors")
     document = stored(folder, "early")
     assert document["ended_early"] is True
-    assert document["notes"] == [
-        "test_other.py broke before it asked for a verdict: what it would have judged is not in this report"
-    ]
+    assert document["notes"] == ["test_other.py broke: what it had not judged by then is not in this report"]
+
+
+def test_a_run_of_which_a_test_broke_between_two_verdicts_is_not_taken_for_whole(suite):
+    body = "    drive.ds('clean')\n    open('missing.txt')\n    drive.ds('throttle 0.9')\n"
+    folder = suite(HOLDS, test=f"\n\ndef test_both(drive):\n{body}")
+    run(folder, "--drive-save=early").assert_outcomes(passed=1, failed=1)
+    document = stored(folder, "early")
+    assert document["ended_early"] is True
+    assert document["notes"] == ["test_suite.py::test_both broke: what it had not judged by then is not in this report"]
 
 
 def test_a_run_with_a_test_that_fails_for_itself_is_complete(suite):

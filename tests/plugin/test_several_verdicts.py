@@ -86,6 +86,20 @@ def test_what_fails_at_the_end_only_makes_the_run_red_unless_it_is_waived(mixed)
     assert run(folder, "--drive-correction", "holm").ret == 0
 
 
+@processes
+@pytest.mark.parametrize(("how", "code"), [("strict=False", 0), ("strict=True", 0), ("raises=ValueError", 1)])
+def test_what_fails_at_the_end_only_may_do_so_in_a_test_that_is_expected_to_fail(mixed, how, code, workers):
+    folder = mixed(BROKEN, NEAR)
+    marks = f"    for item in items:\n        item.add_marker(pytest.mark.xfail({how}))\n"
+    with (folder.path / "conftest.py").open("a") as conftest:
+        conftest.write(f"\n\ndef pytest_collection_modifyitems(items):\n{marks}")
+    result = run(folder, "--drive-correction", "holm", *workers)
+    assert result.ret == code
+    assert judged(folder)[NEAR]["verdict"] == "fail"
+    assert result.parseoutcomes() == {"failed" if code else "xfailed": 1, "inconclusive": 1}
+    assert ("NOT GREEN" in result.stdout.str()) == bool(code)
+
+
 def test_an_open_verdict_that_waits_for_the_others_says_so(mixed):
     result = run(mixed(NEAR, HOLDS), "--drive-correction", "holm", "--drive-inconclusive", "fail")
     assert result.ret == 1

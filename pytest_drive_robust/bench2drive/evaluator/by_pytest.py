@@ -7,8 +7,9 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 
 def official_evaluator(options: SimulatorOptions) -> Simulator:
-    """Raise `UsageError`: no simulator object exists for the official evaluator; pytest starts the evaluator itself."""
+    """Raise `UsageError`: no simulator object exists for the official evaluator, which drives by itself."""
     raise UsageError(
-        "bench2drive is the official evaluator, which is started by pytest only: "
-        "pytest --drive-robust --drive-sim bench2drive --drive-b2d-root=FOLDER."
+        "bench2drive is the official evaluator, which drives by itself: start it by "
+        "pytest --drive-robust --drive-sim bench2drive --drive-b2d-root=FOLDER, or without pytest by "
+        "python -m pytest_drive_robust.bench2drive.evaluator run."
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
@@ -78,6 +80,7 @@ def test_one_route_on_which_the_contract_is_broken_is_enough(
     [
         (["nobody"], "no agent named 'nobody'"),
         (["cli_agents:Good", "--sim", "embeded"], "Did you mean 'embedded'"),
+        (["cli_agents:Good", "--sim", "bench2drive"], "python -m pytest_drive_robust.bench2drive.evaluator run"),
         (["cli_agents:Good", "--sim", FAKE, "--routes", "dev11"], "Did you mean 'dev10'"),
         (["cli_agents:Good", "--sim", FAKE, "--routes", ""], "no routes were named"),
     ],
@@ -135,3 +138,23 @@ def test_an_agent_that_leaves_when_it_is_made_exits_with_4_and_not_as_it_said(
     (agents_folder / "leaving_agents.py").write_text(module)
     assert main(["check-agent", "leaving_agents:Leaves", "--sim", FAKE]) == 4
     assert "could not be made: SystemExit: 0" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("body", "code", "told"),
+    [
+        ("act = lambda self, observation: os._exit(0)", 1, "controls      tick 0: act raised SystemExit: os._exit(0)"),
+        ("__init__ = lambda self: os._exit(0)", 4, "could not be made: SystemExit: os._exit(0)"),
+        ("act = lambda self, observation: in_thread(0)", 1, "a thread of the agent, or of what it uses, called"),
+    ],
+    ids=["act", "constructor", "thread"],
+)
+def test_an_agent_that_ends_the_process_does_not_pass(agents_folder: Path, body: str, code: int, told: str) -> None:
+    thread = "import os, threading\ndef in_thread(status): threading.Thread(target=os._exit, args=(status,)).start()\n"
+    (agents_folder / "leaving_agents.py").write_text(
+        f"{thread}from cli_agents import Good\nclass Leaves(Good):\n    {body}\n"
+    )
+    command = [sys.executable, "-m", "pytest_drive_robust.cli", "check-agent", "leaving_agents:Leaves", "--sim", FAKE]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == code
+    assert told in ended.stdout + ended.stderr

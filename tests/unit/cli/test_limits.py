@@ -56,7 +56,9 @@ def test_what_has_no_proposal_is_kept_as_it_was_stated(capsys: pytest.CaptureFix
         ("other", "comfort", "clean", "comfort under clean >= 10"),
     ]
     names = ("agent", "metric", "setting", "requirement")
-    document["requirements"] = [dict(zip(names, item, strict=True)) for item in stated]
+    others = {"nodeid": "test_it", "routes_spec": "routes.xml", "seeds": [0], "routes": 40}
+    others |= {"comparison": "<=", "limit": 1.0, "verdict": "pass"}
+    document["requirements"] = [others | dict(zip(names, item, strict=True)) for item in stated]
     path.write_text(json.dumps(document))
     assert main(["limits", "--agent", "driver"]) == 0
     lines = Path("limits-driver.txt").read_text(encoding="utf-8").splitlines()
@@ -87,14 +89,17 @@ def test_a_full_disk_leaves_no_half_of_a_file_in_the_way_of_another_try(capsys: 
     assert proposed()
 
 
-@pytest.mark.parametrize(("stated", "told"), [({"agent": "driver"}, "KeyError: 'metric'"), (None, "TypeError: ")])
+@pytest.mark.parametrize(
+    ("stated", "told"), [({"agent": "driver"}, "lacks 'nodeid'"), (None, "is null, expected an object")]
+)
 def test_a_run_whose_requirements_lack_something_is_called_damaged(
     stated: object, told: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = store_run("a")
     path.write_text(json.dumps({**json.loads(path.read_text()), "requirements": [stated]}))
     assert main(["limits", "--agent", "driver"]) == 4
-    assert f"the run 'latest' is damaged: {told}" in capsys.readouterr().err
+    assert f"a.json' is damaged: requirements[0] {told}" in capsys.readouterr().err
+    assert not list(Path().glob("limits-*"))
 
 
 def test_an_agent_that_is_not_there_is_refused_with_the_nearest(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,16 +7,18 @@ import os
 import subprocess
 import sys
 import time
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
 import pytest
+from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.film.file_name import film_name
+from pytest_drive_robust.report.json_file import episode_as_json
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -26,6 +28,7 @@ from pytest_drive_robust.testing import FakeSimulator
 
 REPOSITORY = Path(__file__).parents[3]
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
+SETTINGS = {"simulator": FAKE, "metrics": "bench2drive"}
 AGENTS = """
 from pytest_drive_robust import CameraSpec, Control, PlannedPath
 
@@ -241,11 +244,16 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
 
     path = stored(folder, "200 ms latency")
     result = read_episode(path)
-    episode = {**asdict(result.episode), "trace_digest": result.trace.digest}
+    episode = episode_as_json("of a run", result)
     runs = folder / ".drive-robust" / "runs"
     runs.mkdir(parents=True)
     for name, digest in (("before", episode["trace_digest"]), ("later", "of another drive")):
-        document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [{**episode, "trace_digest": digest}]}
+        document = {
+            "schema": 1,
+            "settings": SETTINGS,
+            "summaries": [],
+            "episodes": [{**episode, "trace_digest": digest}],
+        }
         (runs / f"{name}.json").write_text(json.dumps(document))
         os.utime(runs / f"{name}.json", (len(name), len(name)))  # `before` is the newest
     assert main([*GOOD, *LATE, "--no-video", "--run", "before"]) == 0
@@ -270,8 +278,9 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
 def test_the_newest_run_is_no_comparison_where_it_was_driven_otherwise(
     settings: dict[str, object], told: bool, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    episode = {**asdict(Episode("film_agents:Good", ROUTE.id, "clean", 0)), "trace_digest": "of another drive"}
-    document = {"schema": 1, "settings": settings, "summaries": [], "episodes": [episode]}
+    result = make_result(ROUTE.id, agent="film_agents:Good")
+    episode = {**episode_as_json("of a run", result), "trace_digest": "of another drive"}
+    document = {"schema": 1, "settings": {**SETTINGS, **settings}, "summaries": [], "episodes": [episode]}
     runs = folder / ".drive-robust" / "runs"
     runs.mkdir(parents=True)
     (runs / "one.json").write_text(json.dumps(document))
@@ -280,7 +289,7 @@ def test_the_newest_run_is_no_comparison_where_it_was_driven_otherwise(
 
 
 def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    document = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
+    document = {"schema": 1, "settings": SETTINGS, "summaries": [], "episodes": []}
     (folder / "run").write_text(json.dumps(document))
     assert main([*GOOD, "--no-video", "--run", "run"]) == 4
     assert "the run run holds nothing of what was driven" in capsys.readouterr().err
@@ -293,10 +302,16 @@ def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, caps
     from pytest_drive_robust.store.record_files import read_episode
 
     result = read_episode(stored(folder, "200 ms latency"))
-    episode = {**asdict(result.episode), "trace_digest": "of another drive"}
+    episode = {**episode_as_json("of a run", result), "trace_digest": "of another drive"}
     for digest, told in ((route_digest(ROUTE), "DIFFERS from the run"), ("another", "not in the run")):
         fingerprint = {"agents": {}, "routes": {ROUTE.id: digest}}
-        document = {"schema": 1, "settings": {}, "summaries": [], "episodes": [episode], "fingerprint": fingerprint}
+        document = {
+            "schema": 1,
+            "settings": SETTINGS,
+            "summaries": [],
+            "episodes": [episode],
+            "fingerprint": fingerprint,
+        }
         (folder / "run.json").write_text(json.dumps(document))
         code = main([*GOOD, *LATE, "--no-video", "--run", "run.json"])
         shown = capsys.readouterr()

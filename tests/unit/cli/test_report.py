@@ -111,5 +111,5 @@ def test_a_damaged_run_leaves_the_earlier_report(tmp_path, capsys):
     path = store_run("two")
     path.write_text(path.read_text().replace('"verdict"', '"judgement"'))
     assert main(["report", "two", "--out", "look"]) == 4
-    assert "the run 'two' is damaged: it lacks 'verdict'" in capsys.readouterr().err
+    assert "two.json' is damaged: summaries[0] lacks 'verdict'" in capsys.readouterr().err
     assert data_of(tmp_path / "look")["label"] == "one"

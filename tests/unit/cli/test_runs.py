@@ -38,4 +38,4 @@ def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.Capture
     assert lines[1].split()[-3:] == ["driver", "2", "80"]
     assert "+" not in lines[1]  # the zone of the clock
     assert "torn.json' is not valid JSON" in lines[5]
-    assert lines[6] == "the run 'void' is damaged: KeyError: 'agent'."
+    assert lines[6].endswith("void.json' is damaged: settings lacks 'simulator'.")

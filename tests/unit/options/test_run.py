@@ -15,14 +15,14 @@ class FakeConfig:
     """A pytest config: options by dest, ini values by key."""
 
     def __init__(
-        self, ini: dict[str, str] | None = None, *, rootpath: Path = Path(), called_in: Path = Path(), **options: str
+        self, ini: dict[str, str] | None = None, *, rootpath: Path = Path(), called_in: Path = Path(), **options: object
     ) -> None:
         self.rootpath = rootpath
         self.invocation_params = SimpleNamespace(dir=called_in)
         self._ini = ini or {}
         self._options = options
 
-    def getoption(self, name: str) -> str | None:
+    def getoption(self, name: str) -> object:
         return self._options.get(name)
 
     def getini(self, name: str) -> str:
@@ -120,6 +120,8 @@ def test_a_stuck_stop_that_is_no_time_is_refused(text):
 def test_a_blank_value_is_refused_on_the_command_line_and_is_none_in_the_ini_file(option):
     with pytest.raises(UsageError, match=f"{option.flag} is empty, expected {option.metavar}: "):
         RunOptions.from_pytest_config(FakeConfig(**{option.name: " "}))
+    with pytest.raises(UsageError, match=f"-o {option.name} is empty, expected {option.metavar}: "):
+        RunOptions.from_pytest_config(FakeConfig(override_ini=[f"{option.name}=x", f"{option.name}= "]))
     assert RunOptions.from_pytest_config(FakeConfig({option.name: " "})) == RunOptions()
 
 

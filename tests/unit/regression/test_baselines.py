@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -119,22 +120,26 @@ def test_a_damaged_file_is_named(tmp_path: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("was", "now"),
+    ("was", "now", "told"),
     [
-        ('"ds": 50.0', '"ds": "50"'),
-        ('"ds": 50.0', '"ds": null'),
-        ('"ds": 50.0', '"ds": NaN'),
-        ('"ds": 50.0', '"ds": 500.0'),
-        ('"sr": 0.0', '"sr": -1.0'),
-        ('"agent": "driver"', '"agent": ["driver"]'),
+        ('"ds": 50.0', '"ds": "50"', '["1"].ds is "50", expected a number from 0 to 100'),
+        ('"ds": 50.0', '"ds": null', '["1"].ds is null, expected a number from 0 to 100'),
+        ('"ds": 50.0', '"ds": NaN', '["1"].ds is NaN, expected a number from 0 to 100'),
+        ('"ds": 50.0', '"ds": 500.0', '["1"].ds is 500.0, expected a number from 0 to 100'),
+        ('"sr": 0.0', '"sr": -1.0', '["1"].sr is -1.0, expected a number from 0 to 1'),
+        ('"worst_seed": 0', '"worst_seed": "0"', '["1"].worst_seed is "0", expected a whole number of 0 or more'),
+        ('"outcome": "stuck"', '"outcome": 7', '["1"].outcome is 7, expected text'),
+        ('"numpy": "2.0"', '"numpy": 2.0', '.fingerprint.versions["numpy"] is 2.0, expected text'),
+        ('"blessing": "', '"blessing": "x', "route '1' names the blessing 'x2026-11-21-1', which is not there"),
+        ('"agent": "driver"', '"agent": ["driver"]', 'agent is ["driver"], expected text'),
     ],
 )
-def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, now: str) -> None:
+def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, now: str, told: str) -> None:
     (blessed,) = bless(snapshot(cell([50.0])), tmp_path, SIGNATURE, environ={})
     text = blessed.path.read_text()
     assert text.count(was) == 1
     blessed.path.write_text(text.replace(was, now))
-    with pytest.raises(UsageError, match=r"driver\.json' is not a baseline: "):
+    with pytest.raises(UsageError, match=rf"driver\.json' is not a baseline: .*{re.escape(told)}\.$"):
         read_baseline(blessed.path)
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 from result_factory import make_result
@@ -58,25 +60,53 @@ def test_no_file_is_named_for_routes_of_several(specs: tuple[str, ...], told: st
 
 
 @pytest.mark.parametrize(
-    "changed",
+    ("changed", "told"),
     [
-        {"summaries": 5},
-        {"episodes": None},
-        {"settings": []},
-        {"stored": ["today"]},
-        {"fingerprint": "d0"},
-        {"requirements": None},
+        ({"summaries": 5}, "summaries is 5, expected a list"),
+        ({"episodes": None}, "episodes is null, expected a list"),
+        ({"settings": []}, "settings is [], expected an object"),
+        ({"settings": {"simulator": "fake"}}, "settings lacks 'metrics'"),
+        ({"stored": ["today"]}, 'stored is ["today"], expected an object or null'),
+        ({"fingerprint": "d0"}, 'fingerprint is "d0", expected an object'),
+        ({"fingerprint": {"agents": {}, "routes": {"1": 7}}}, 'fingerprint.routes["1"] is 7, expected text'),
+        ({"requirements": None}, "requirements is null, expected a list"),
+        ({"notes": ["yes", 5]}, "notes[1] is 5, expected text"),
+        ({"episodes": [{"key": "k", "ticks": 1}]}, "episodes[0] lacks 'agent'"),
+        ({"ended_early": float("nan")}, "ended_early is NaN, expected true or false"),
     ],
-    ids=str,
+    ids=lambda value: str(value)[:30],
 )
 def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
-    tmp_path: Path, changed: dict[str, object]
+    tmp_path: Path, changed: dict[str, object], told: str
 ) -> None:
-    run = {"schema": 1, "settings": {}, "summaries": [], "episodes": []}
+    settings = {"simulator": "fake", "metrics": "bench2drive"}
+    run = {"schema": 1, "settings": settings, "summaries": [], "episodes": []}
     (tmp_path / "run.json").write_text(json.dumps(run))
     assert read_document(tmp_path / "run.json") == run
     (tmp_path / "run.json").write_text(json.dumps({**run, **changed}))
-    with pytest.raises(UsageError, match=f"damaged: it has something else under '{next(iter(changed))}' than runs"):
+    with pytest.raises(UsageError, match=re.escape(f"run.json' is damaged: {told}.")):
+        read_document(tmp_path / "run.json")
+
+
+@pytest.mark.parametrize(
+    ("field", "given", "told"),
+    [
+        ("driving_score", "high", '"high", expected a number from 0 to 100 or null'),
+        ("driving_score", 101, "101, expected a number from 0 to 100 or null"),
+        ("seed", 0.5, "0.5, expected a whole number of 0 or more"),
+        ("outcome", "done", '"done", expected one of "completed", "failed", "agent_error", "infra_error"'),
+        ("reception", {"cameras": []}, None),
+    ],
+    ids=str,
+)
+def test_the_place_of_what_was_edited_is_named(tmp_path: Path, field: str, given: object, told: str | None) -> None:
+    results = {"a": make_result("1"), "b": make_result("2")}
+    needed = [EpisodesNeeded("driver", "dev10", "clean", (0,), tuple(results), ())]
+    document: Any = run_as_json(RunResult.of(RunOptions(), [*needed, Used(tuple(results))], results.get, versions={}))
+    document["episodes"][1][field] = given
+    (tmp_path / "run.json").write_text(json.dumps(document))
+    said = f"episodes[1].{field} " + ("lacks 'consumes'" if told is None else f"is {told}")
+    with pytest.raises(UsageError, match=re.escape(f"run.json' is damaged: {said}.")):
         read_document(tmp_path / "run.json")
 
 
