@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
-from pytest_drive_robust.regression.shape import misfit
+from pytest_drive_robust.regression.shape import misfit, refuse_constant
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
 
 SCHEMA = 1
@@ -95,7 +95,8 @@ def baseline_file(folder: Path, agent: str) -> Path:
 def read_baseline(path: Path) -> Baseline:
     """Read the baseline in `path`. Raises `UsageError` for a file that is no baseline."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"), object_pairs_hook=_without_twins)
+        text = path.read_text(encoding="utf-8")
+        document = json.loads(text, object_pairs_hook=_without_twins, parse_constant=refuse_constant)
         schema = document.get("schema", SCHEMA) if isinstance(document, dict) else SCHEMA
         if schema != SCHEMA:
             raise UsageError(f"{str(path)!r} has schema {schema!r}, this version reads {SCHEMA}.")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
-from pytest_drive_robust.regression.shape import misfit
+from pytest_drive_robust.regression.shape import misfit, refuse_constant
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.store.episode_fields import result_of
@@ -31,13 +31,13 @@ _NOT_YET_TOLD: Mapping[str, Any] = {
     "versions": {},
 }
 """Values of the episode fields that older runs lack."""
-_OLDER_LACK: Mapping[str, Collection[str]] = {
-    "": ("versions", "fingerprint", "requirements", "searches", "notes"),
-    "settings": ("agent", "routes", "seeds", "stuck_stop_s", "verdict", "margin", "alpha", "correction"),
-    "summary_row": ("privileged", "summary", "rd", "problem"),
-    "requirement": ("value", "low", "high", "message", "planned", "rule", "p_value", "family", "margin"),
-    "episode": (*_NOT_YET_TOLD, "reception"),
-}
+_OLDER_LACK = (
+    ("", ("versions", "fingerprint", "requirements", "searches", "notes")),
+    ("settings", ("agent", "routes", "seeds", "stuck_stop_s", "verdict", "margin", "alpha", "correction")),
+    ("summary_row", ("privileged", "summary", "rd", "problem")),
+    ("requirement", ("value", "low", "high", "message", "planned", "rule", "p_value", "family", "margin")),
+    ("episode", (*_NOT_YET_TOLD, "reception")),
+)
 """The keys that older runs lack, by the part of the schema."""
 
 
@@ -49,7 +49,7 @@ def json_text(document: Mapping[str, object]) -> str:
 def read_document(path: Path) -> dict[str, Any]:
     """Read the document in `path`. Raises `UsageError` for a file that is no run or has another schema."""
     try:
-        document = json.loads(path.read_text(encoding="utf-8"))
+        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse_constant)
     except OSError as error:
         raise UsageError(f"the run {str(path)!r} cannot be read: {error.strerror}.") from None
     except ValueError as error:

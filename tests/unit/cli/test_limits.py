@@ -90,7 +90,7 @@ def test_a_full_disk_leaves_no_half_of_a_file_in_the_way_of_another_try(capsys: 
 
 
 @pytest.mark.parametrize(
-    ("stated", "told"), [({"agent": "driver"}, "lacks 'nodeid'"), (None, "is null, expected an object")]
+    ("stated", "told"), [({"agent": "driver"}, "lacks 'nodeid'"), (None, "must be object, not null")]
 )
 def test_a_run_whose_requirements_lack_something_is_called_damaged(
     stated: object, told: str, capsys: pytest.CaptureFixture[str]

@@ -122,16 +122,16 @@ def test_a_damaged_file_is_named(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("was", "now", "told"),
     [
-        ('"ds": 50.0', '"ds": "50"', '["1"].ds is "50", expected a number from 0 to 100'),
-        ('"ds": 50.0', '"ds": null', '["1"].ds is null, expected a number from 0 to 100'),
-        ('"ds": 50.0', '"ds": NaN', '["1"].ds is NaN, expected a number from 0 to 100'),
-        ('"ds": 50.0', '"ds": 500.0', '["1"].ds is 500.0, expected a number from 0 to 100'),
-        ('"sr": 0.0', '"sr": -1.0', '["1"].sr is -1.0, expected a number from 0 to 1'),
-        ('"worst_seed": 0', '"worst_seed": "0"', '["1"].worst_seed is "0", expected a whole number of 0 or more'),
-        ('"outcome": "stuck"', '"outcome": 7', '["1"].outcome is 7, expected text'),
-        ('"numpy": "2.0"', '"numpy": 2.0', '.fingerprint.versions["numpy"] is 2.0, expected text'),
+        ('"ds": 50.0', '"ds": "50"', '.1.ds must be number, not "50"'),
+        ('"ds": 50.0', '"ds": null', ".1.ds must be number, not null"),
+        ('"ds": 50.0', '"ds": NaN', "NaN is no number of JSON"),
+        ('"ds": 50.0', '"ds": 500.0', ".1.ds must be smaller than or equal to 100, not 500.0"),
+        ('"sr": 0.0', '"sr": -1.0', ".1.sr must be bigger than or equal to 0, not -1.0"),
+        ('"worst_seed": 0', '"worst_seed": "0"', '.1.worst_seed must be integer, not "0"'),
+        ('"outcome": "stuck"', '"outcome": 7', ".1.outcome must be string, not 7"),
+        ('"numpy": "2.0"', '"numpy": 2.0', ".fingerprint.versions.numpy must be string, not 2.0"),
         ('"blessing": "', '"blessing": "x', "route '1' names the blessing 'x2026-11-21-1', which is not there"),
-        ('"agent": "driver"', '"agent": ["driver"]', 'agent is ["driver"], expected text'),
+        ('"agent": "driver"', '"agent": ["driver"]', 'agent must be string, not ["driver"]'),
     ],
 )
 def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, now: str, told: str) -> None:

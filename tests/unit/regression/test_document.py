@@ -62,17 +62,17 @@ def test_no_file_is_named_for_routes_of_several(specs: tuple[str, ...], told: st
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        ({"summaries": 5}, "summaries is 5, expected a list"),
-        ({"episodes": None}, "episodes is null, expected a list"),
-        ({"settings": []}, "settings is [], expected an object"),
+        ({"summaries": 5}, "summaries must be array, not 5"),
+        ({"episodes": None}, "episodes must be array, not null"),
+        ({"settings": []}, "settings must be object, not []"),
         ({"settings": {"simulator": "fake"}}, "settings lacks 'metrics'"),
-        ({"stored": ["today"]}, 'stored is ["today"], expected an object or null'),
-        ({"fingerprint": "d0"}, 'fingerprint is "d0", expected an object'),
-        ({"fingerprint": {"agents": {}, "routes": {"1": 7}}}, 'fingerprint.routes["1"] is 7, expected text'),
-        ({"requirements": None}, "requirements is null, expected a list"),
-        ({"notes": ["yes", 5]}, "notes[1] is 5, expected text"),
+        ({"stored": ["today"]}, 'stored must be object or null, not ["today"]'),
+        ({"fingerprint": "d0"}, 'fingerprint must be object, not "d0"'),
+        ({"fingerprint": {"agents": {}, "routes": {"1": 7}}}, "fingerprint.routes.1 must be string, not 7"),
+        ({"requirements": None}, "requirements must be array, not null"),
+        ({"notes": ["yes", 5]}, "notes[1] must be string, not 5"),
         ({"episodes": [{"key": "k", "ticks": 1}]}, "episodes[0] lacks 'agent'"),
-        ({"ended_early": float("nan")}, "ended_early is NaN, expected true or false"),
+        ({"ended_early": 0}, "ended_early must be boolean, not 0"),
     ],
     ids=lambda value: str(value)[:30],
 )
@@ -88,13 +88,19 @@ def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
         read_document(tmp_path / "run.json")
 
 
+def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "run.json").write_text('{"schema": 1, "settings": {}, "summaries": [], "episodes": [NaN]}')
+    with pytest.raises(UsageError, match=r"run\.json' is not valid JSON: NaN is no number of JSON\."):
+        read_document(tmp_path / "run.json")
+
+
 @pytest.mark.parametrize(
     ("field", "given", "told"),
     [
-        ("driving_score", "high", '"high", expected a number from 0 to 100 or null'),
-        ("driving_score", 101, "101, expected a number from 0 to 100 or null"),
-        ("seed", 0.5, "0.5, expected a whole number of 0 or more"),
-        ("outcome", "done", '"done", expected one of "completed", "failed", "agent_error", "infra_error"'),
+        ("driving_score", "high", 'must be number or null, not "high"'),
+        ("driving_score", 101, "must be smaller than or equal to 100, not 101"),
+        ("seed", 0.5, "must be integer, not 0.5"),
+        ("outcome", "done", "must be one of ['completed', 'failed', 'agent_error', 'infra_error'], not \"done\""),
         ("reception", {"cameras": []}, None),
     ],
     ids=str,
@@ -105,7 +111,7 @@ def test_the_place_of_what_was_edited_is_named(tmp_path: Path, field: str, given
     document: Any = run_as_json(RunResult.of(RunOptions(), [*needed, Used(tuple(results))], results.get, versions={}))
     document["episodes"][1][field] = given
     (tmp_path / "run.json").write_text(json.dumps(document))
-    said = f"episodes[1].{field} " + ("lacks 'consumes'" if told is None else f"is {told}")
+    said = f"episodes[1].{field} " + (told or "lacks 'consumes'")
     with pytest.raises(UsageError, match=re.escape(f"run.json' is damaged: {said}.")):
         read_document(tmp_path / "run.json")
 

@@ -287,8 +287,6 @@ def test_a_damaged_run_is_one_sentence(tmp_path: Path, capsys: pytest.CaptureFix
     document["episodes"][0]["route_completion_pct"] = "100"
     (tmp_path / "run.json").write_text(json.dumps(document))
     assert main(["export", str(tmp_path / "run.json"), str(tmp_path / "out")]) == 4
-    assert (
-        'episodes[0].route_completion_pct is "100", expected a number from 0 to 100 or null' in capsys.readouterr().err
-    )
+    assert 'episodes[0].route_completion_pct must be number or null, not "100"' in capsys.readouterr().err
     assert main(["export", str(tmp_path / "run.json"), str(tmp_path / "out"), "--format", "bench2driv"]) == 4
     assert "Did you mean 'bench2drive'?" in capsys.readouterr().err
