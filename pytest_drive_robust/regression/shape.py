@@ -97,7 +97,7 @@ def _fits(value: Any, rule: Mapping[str, Any]) -> bool:
     if kinds and not any(_TYPES[kind][1](value) for kind in kinds):
         return False
     if isinstance(value, list):
-        return rule.get("minItems", 0) <= len(value) <= rule.get("maxItems", math.inf)
+        return bool(rule.get("minItems", 0) <= len(value) <= rule.get("maxItems", math.inf))
     if isinstance(value, (int, float)) and not isinstance(value, bool):
         return bool(rule.get("minimum", -math.inf) <= value <= rule.get("maximum", math.inf))
     return True
