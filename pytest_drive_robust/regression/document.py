@@ -35,7 +35,7 @@ _OLDER_LACK = (
     ("", ("versions", "fingerprint", "requirements", "searches", "notes")),
     ("settings", ("agent", "routes", "seeds", "stuck_stop_s", "verdict", "margin", "alpha", "correction")),
     ("summary_row", ("privileged", "summary", "rd", "problem")),
-    ("requirement", ("value", "low", "high", "message", "planned", "rule", "p_value", "family", "margin")),
+    ("requirement", ("low", "high", "message", "planned", "rule", "p_value", "family", "margin")),
     ("episode", (*_NOT_YET_TOLD, "reception")),
 )
 """The keys that older runs lack, by the part of the schema."""

@@ -65,7 +65,7 @@ class RunRecords:
             items = document["episodes"]
             episodes = [Episode(item["agent"], item["route_id"], item["setting"], item["seed"]) for item in items]
             known = list(zip(episodes, items, strict=True))
-            results = {episode: _result(item, find) for episode, item in known}
+            results = {episode: _result(episode, item, find) for episode, item in known}
             keys = {episode: item["key"] for episode, item in known}
             specs = dict.fromkeys(row["routes_spec"] for row in document["summaries"])
             settings = dict.fromkeys(row["setting"] for row in document["summaries"])
@@ -133,10 +133,10 @@ class RunRecords:
         return [self.results[episode] for episode in episodes if episode in self.results]
 
 
-def _result(item: Mapping[str, Any], find: Find) -> EpisodeResult:
-    """Return the stored episode if its end and trace digest match the document, else the result in the document."""
-    stored = find(item["key"])
-    if stored is not None and (stored.end.value, stored.trace.digest) == (item["end"], item["trace_digest"]):
+def _result(episode: Episode, item: Mapping[str, Any], find: Find) -> EpisodeResult:
+    """Return the stored episode if its name, end and trace digest match the document, else that of the document."""
+    stored, said = find(item["key"]), (episode, item["end"], item["trace_digest"])
+    if stored is not None and (stored.episode, stored.end.value, stored.trace.digest) == said:
         return stored
     return episode_of(item)
 

@@ -56,7 +56,7 @@ def write_pages(
     and two runs that write at the same time leave the report of one of them.
 
     `films` are videos of `drive-robust replay`, matched to episodes by their names (`film_name`). Raises `UsageError`
-    for an unusable folder, a film inside `folder` or a damaged run, `OSError` when writing fails.
+    for an unusable folder or a film inside `folder`, `OSError` when writing fails.
     """
     check_folder(folder, source="the folder of the report")
     films = tuple(films)
@@ -66,10 +66,7 @@ def write_pages(
     table = EpisodeTable()
     maps = RoadMaps(records.simulator)
     try:
-        try:
-            data = _spelled_out(run_data(records, table, maps=maps, comparison=comparison, before=before))
-        except KeyError as error:
-            raise UsageError(f"the run {records.label!r} is damaged: it lacks {error}. Drive it again.") from None
+        data = _spelled_out(run_data(records, table, maps=maps, comparison=comparison, before=before))
         folder.mkdir(parents=True, exist_ok=True)
         write_whole(folder / MARK, _SAYS)
         with TemporaryDirectory(prefix=".new-", dir=folder) as name:

@@ -57,7 +57,7 @@ def test_what_has_no_proposal_is_kept_as_it_was_stated(capsys: pytest.CaptureFix
     ]
     names = ("agent", "metric", "setting", "requirement")
     others = {"nodeid": "test_it", "routes_spec": "routes.xml", "seeds": [0], "routes": 40}
-    others |= {"comparison": "<=", "limit": 1.0, "verdict": "pass"}
+    others |= {"comparison": "<=", "limit": 1.0, "verdict": "pass", "value": 0.5}
     document["requirements"] = [others | dict(zip(names, item, strict=True)) for item in stated]
     path.write_text(json.dumps(document))
     assert main(["limits", "--agent", "driver"]) == 0

@@ -14,6 +14,9 @@ from stored_runs import SETTING, run_of
 
 from pytest_drive_robust.domain.outcome import InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult, Given
+from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.report.run_records import RunRecords
+from pytest_drive_robust.results.run import Run
 from pytest_drive_robust.results.table_files import write_csv_tables
 from pytest_drive_robust.results.tables import columns_of
 from pytest_drive_robust.store.events import Judged
@@ -35,6 +38,14 @@ def test_a_tick_is_over_one_tick_after_it_began_and_has_a_row_in_every_column() 
     assert list(ticks["setting"]) == ["clean"] * 2 + [SETTING] * 3
     assert list(ticks["key"]) == ["0"] * 2 + ["1"] * 3
     assert list(ticks["x_m"]) == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def test_an_episode_that_was_renamed_in_the_document_is_not_the_stored_one() -> None:
+    run = run_of(make_result("101"))
+    renamed = {**run.records.document["episodes"][0], "agent": "other"}
+    document = {**run.records.document, "episodes": [renamed]}
+    read = Run.of(RunRecords.of(document, {"0": run.episodes[0]}.get, default_registry(), label="edited"))
+    assert list(columns_of(read, "episodes")["agent"]) == ["other"]
 
 
 def test_what_was_told_stands_in_its_tick_and_what_was_told_after_the_last_one_nowhere() -> None:
