@@ -111,9 +111,9 @@ def _text(option: Option, source: OptionSource) -> str:
     if option.is_switch:
         return "on" if value else ""
     if value is not None and not str(value).strip():
-        usual = f", or {option.default!r}" if option.default else ""
+        usual = f", else {option.default!r}" if option.default else ""
         raise UsageError(
-            f"{option.flag} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
-            f"says{usual}."
+            f"{option.flag} is empty, expected {option.metavar}: {option.help}. Leave {option.flag} out to use the "
+            f"value of the ini file{usual}."
         )
     return str(source.getini(option.name) if value is None else value).strip()
