@@ -45,7 +45,7 @@ def test_other_routes_take_the_place_of_blessed_ones_only_where_that_is_asked_fo
     assert main(["bless", "few", "--reason", "changed", "--replace-routes"]) == 0
     told = capsys.readouterr().out
     assert "0 scores added, 40 replaced, 40 others kept\n" in told
-    assert "40 of the kept ones are of other routes under the same settings" in told
+    assert "40 of the kept scores are of other routes under the same settings" in told
     assert main(["bless", "few", "--reason", "these alone", "--only"]) == 0
     assert "0 scores added, 40 replaced, 0 others kept, 40 dropped" in capsys.readouterr().out
 
