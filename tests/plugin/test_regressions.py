@@ -165,7 +165,7 @@ def test_a_worse_run_that_the_next_one_is_compared_with_says_so(suite, compare, 
     slow_down(folder)
     worse = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
     assert worse.ret == 1
-    warning = f"warning: --drive-compare={compare} takes this run from now on, so that the same once more is green"
+    warning = f"warning: the next run with --drive-compare={compare} compares with this run, and so does not show "
     assert (warning in worse.outlines) is told
     assert run(folder, f"--drive-compare={compare}").ret == (0 if told else 1)
 
@@ -192,13 +192,13 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-on-mismatch=wrn",), "Did you mean 'warn'?"),
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
-        (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
+        (("--drive-agent", ""), "--drive-agent is empty, expected NAME: drive this agent: "),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
         (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' from module aaa"),
-        (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
-        (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
+        (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs worker processes"),
+        (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs worker processes"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
         (("--drive-waivers=none.toml",), "there is no file"),
         (("--drive-baselines=blessed",), "--drive-baselines is read to compare: give --drive-compare, too"),
@@ -241,7 +241,7 @@ def test_a_run_of_another_simulator_is_refused_before_anything_was_driven(suite,
     (folder.path / "driven.log").unlink()
     result = run(folder, "--drive-sim=broken", "--drive-compare=before")
     assert result.ret == 4
-    result.stderr.fnmatch_lines(["*before cannot be compared with: the simulator was fake and is broken*"])
+    result.stderr.fnmatch_lines(["*this run cannot be compared with before: the simulator was fake and is broken*"])
     assert driven() == []
 
 

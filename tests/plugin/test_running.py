@@ -175,7 +175,7 @@ def test_the_header_shows_the_effective_choices(suite):
 
 def test_the_header_tells_where_nobody_named_an_agent(suite):
     result = run(suite(GREEN), "-o", "drive_agent=", "--collect-only")
-    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (nobody named one) sim=fake *"])
+    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (the default) sim=fake *"])
 
 
 def test_without_a_terminal_the_exit_code_is_still_right(suite):
