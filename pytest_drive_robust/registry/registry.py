@@ -41,6 +41,7 @@ from pytest_drive_robust.registry.entries import (
     unknown_groups,
 )
 from pytest_drive_robust.registry.perturbation_classes import check_told_apart, checked_class
+from pytest_drive_robust.registry.raised_at import raised_at
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 
 AgentFactory = Callable[[], Agent]
@@ -63,8 +64,8 @@ _BUILTINS: Mapping[str, Sequence[tuple[str, str, str]]] = {
 """The built-in entries of each kind: name, reference, and the argument that may follow the name."""
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
-    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
-    "(drive-robust reads that of a conftest.py with -p conftest.py).",
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register of your conftest.py "
+    "(drive-robust COMMAND reads it with -p conftest.py).",
     "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
     "simulators": "Give 'module:Class' to use your own, or register one in pytest_drive_robust_register.",
     "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
@@ -224,11 +225,15 @@ class Registry:
             if takes_options:
                 factory, _, options = argument.partition(":")
                 own = (
-                    f"Options follow a registered name: register {bare}:{factory} under one, then give NAME:{options}."
+                    f"Options need a registered name: register {bare}:{factory} under a NAME of yours, then give "
+                    f"NAME:{options}."
                 )
                 raise UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS[kind])
-            if kind in ("agents", "simulators") and is_reference(name) and not _is_misspelt(bare, known):
-                return from_reference(kind, name)
+            if kind in ("agents", "simulators") and is_reference(name):
+                if bare in known and not _is_module(bare):
+                    raise UsageError(_takes_no(kind, bare, argument))
+                if not _is_misspelt(bare, known):
+                    return from_reference(kind, name)
             syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
             misplaced = [str(problem) for problem in unknown_groups()]
             hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
@@ -257,9 +262,9 @@ class Registry:
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
-            raise UsageError(f"{name!r} cannot name one of our {kind}: expected text without ':' or outer spaces.")
+            raise UsageError(f"{name!r} cannot be a name of {kind}: expected text without ':' or outer spaces.")
         if not callable(target):
-            raise UsageError(f"{name!r} of {kind} is registered with {target!r}, expected a class or a function.")
+            raise UsageError(f"{name!r} is registered among the {kind} as {target!r}, expected a class or a function.")
         definition = definition_of(target)
         known = self._registered.get((kind, name))
         if known is not None and known.origin != definition:  # equal: a conftest.py was imported once more
@@ -341,18 +346,29 @@ def _metric_name_problem(name: str) -> str:
         return ""
     plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
     return (
-        f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', '<=' and "
-        f"'>='. Call it {plain!r}, say."
+        f"{name!r} cannot name a metric: in a requirement a metric is one word without '#', '<=' and '>='. Call it "
+        f"{plain!r}, for example."
     )
 
 
 def _is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
     """Return whether `bare`, the text before a colon, resembles a name that takes an argument, and is no module."""
+    close = nearest(bare, [name for name in known if known[name][0].argument])
+    return close is not None and not _is_module(bare)
+
+
+def _is_module(bare: str) -> bool:
+    """Return whether `bare` can be a module: it lies in the current folder, is installed, or is in a package."""
     import importlib.util
 
-    close = nearest(bare, [name for name in known if known[name][0].argument])
     here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
-    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+    return here or "." in bare or importlib.util.find_spec(bare) is not None
+
+
+def _takes_no(kind: str, bare: str, argument: str) -> str:
+    if kind == "agents":
+        return f"the agent {bare!r} has no option {argument!r}: give options as {bare}:NAME=VALUE, or leave them out."
+    return f"the simulator {bare!r} takes nothing after a colon, but was given {argument!r}: give {bare}."
 
 
 def _module_here(kind: str, name: str) -> str:
@@ -366,7 +382,7 @@ def _module_here(kind: str, name: str) -> str:
 def _declared_twice(entries: Sequence[Entry]) -> str:
     told = f"{entries[0].name!r} of {entries[0].kind} is declared by {' and '.join(entry.origin for entry in entries)}."
     if entries[0].origin == _BUILT_IN:
-        return f"{told} What is built in keeps its meaning: uninstall the other, or have it choose another name."
+        return f"{told} The built-in one keeps the name: uninstall the other distribution, or change the name in it."
     return (
         f"{told} Uninstall one of them, or decide by registering the name in pytest_drive_robust_register of your "
         "conftest.py."
@@ -396,7 +412,7 @@ def _made(entry: Entry, *arguments: object, protocol: type) -> object:
     except DriveRobustError:
         raise
     except (Exception, SystemExit) as error:  # sys.exit() would end a command, with its own exit code
-        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
+        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}{raised_at(error)}") from error
     if isinstance(made, type):
         raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
     missing = missing_members(made, protocol)
