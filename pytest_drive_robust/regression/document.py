@@ -57,7 +57,7 @@ def read_document(path: Path) -> dict[str, Any]:
     wrong = [name for name in _OBJECTS if not isinstance(document.get(name), (dict, type(None)))]
     wrong += [name for name in _LISTS if not isinstance(document.get(name, []), list)]
     if wrong:
-        raise UsageError(f"the run {str(path)!r} is damaged: it has something else under {wrong[0]!r} than runs have.")
+        raise UsageError(f"the run {str(path)!r} is damaged: {wrong[0]!r} does not hold what it holds in a run.")
     return document
 
 

@@ -76,7 +76,7 @@ def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
     (tmp_path / "run.json").write_text(json.dumps(run))
     assert read_document(tmp_path / "run.json") == run
     (tmp_path / "run.json").write_text(json.dumps({**run, **changed}))
-    with pytest.raises(UsageError, match=f"damaged: it has something else under '{next(iter(changed))}' than runs"):
+    with pytest.raises(UsageError, match=f"damaged: '{next(iter(changed))}' does not hold"):
         read_document(tmp_path / "run.json")
 
 
