@@ -98,8 +98,8 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
     if stopped:
         others = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
         raise UsageError(
-            f"{run.label} was driven only until its verdicts were clear, on {stopped[0]}{others}: later runs cannot be judged "
-            "against that. Drive it with --drive-save, or with --drive-verdict=point."
+            f"{run.label} was driven only until its verdicts were clear, on {stopped[0]}{others}: later runs cannot be "
+            "judged against that. Drive it with --drive-save, or with --drive-verdict=point."
         )
     if run.ended_early:
         raise UsageError(

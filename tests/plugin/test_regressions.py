@@ -113,7 +113,7 @@ def test_a_worse_agent_is_red_although_its_requirements_hold(both, workers):
     result.stdout.fnmatch_lines(
         [
             "*compared with before*",
-            "note: the agent steady changed: source * is *",
+            "note: the agent steady changed: source * became *",
             "steady under *: 3 of 3 routes changed",
             "  broken: DS drops by 5 % at most; *",
             "  newly failing: * Straight",

@@ -406,7 +406,8 @@ def test_a_changed_agent_is_told_and_never_refused() -> None:
     comparison = compare(snapshot(cell(BUSY)), new, Terms(policy="refuse"))
     assert not comparison.refusals
     assert comparison.mismatches[0].text == (
-        "the agent driver changed: agents 1 is agents 2, source aaaaaaaaaaaa is bbbbbbbbbbbb, weights unknown is cc"
+        "the agent driver changed: agents 1 became agents 2, source aaaaaaaaaaaa became bbbbbbbbbbbb, "
+        "weights unknown became cc"
     )
 
 
