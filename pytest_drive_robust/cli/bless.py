@@ -22,8 +22,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `bless`."""
     parser.description = _DESCRIPTION
     add_run(parser)
-    parser.add_argument("--reason", required=True, metavar="TEXT", help="why; it is stored and reviewed")
-    parser.add_argument("--replace-routes", action="store_true", help="also where routes of the same id have changed")
+    parser.add_argument(
+        "--reason", required=True, metavar="TEXT", help="say why; stored in the baseline, for reviewers"
+    )
+    parser.add_argument(
+        "--replace-routes",
+        action="store_true",
+        help="also replace scores of routes that changed under the same id",
+    )
     parser.add_argument(
         "--only", action="store_true", help="drop scores of routes that RUN did not drive under its settings"
     )
@@ -52,8 +58,8 @@ def _bless(options: argparse.Namespace) -> int:
         )
         if blessed.beside:
             print(
-                f"{blessed.beside} of the kept ones are of other routes under the same settings: a run that does not "
-                "drive them, too, is refused. --only drops them."
+                f"{blessed.beside} of the kept scores are of other routes under the same settings: a run that does not "
+                "drive these routes, too, is refused. --only drops these scores."
             )
     print("Review the change and commit it.")
     return 0

@@ -27,14 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Drives an agent for some seconds, again and again, and says what of the contract it keeps: methods, controls "
         "in range, the same ones for the same seed, nothing left of the last episode, no ground truth."
     )
-    parser.add_argument("agent", metavar="NAME", help="a name out of `list agents`, or module:Class")
-    parser.add_argument("--seed", type=int, default=0, help="default: 0")
+    parser.add_argument("agent", metavar="NAME", help="a name from `drive-robust list agents`, or module:Class")
+    parser.add_argument("--seed", type=int, default=0, help="seed of the episodes; default: 0")
     add_pytest_option(parser, "--sim")
     add_pytest_option(parser, "--act-timeout")
     parser.add_argument(
         "--routes",
         metavar="SET",
-        help="a set (full, one-per-scenario, dev10), a file, or FILE:id,id; default: one route",
+        help="check on these routes: a set (full, one-per-scenario, dev10), a file, or FILE:id,id; default: one route",
     )
     parser.set_defaults(command=_check_agent)
 

@@ -27,12 +27,18 @@ _PAGE, _PATIENCE_S = 100, 30.0
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `comment`."""
     parser.description = _DESCRIPTION
-    parser.add_argument("file", metavar="FILE", help="Markdown")
+    parser.add_argument("file", metavar="FILE", help="the Markdown to put there")
     parser.add_argument(
-        "--name", default="drive-robust", help="tells several comments on one pull request apart; default: drive-robust"
+        "--name",
+        default="drive-robust",
+        help="change the comment of this name only, where one pull request has several; default: drive-robust",
     )
     parser.add_argument(
-        "--link", action="append", default=[], metavar="NAME=URL", help="put below it; repeatable; no URL, no link"
+        "--link",
+        action="append",
+        default=[],
+        metavar="NAME=URL",
+        help="put this link below the summary; repeatable; left out when URL is empty",
     )
     parser.set_defaults(command=_comment)
 
@@ -41,7 +47,8 @@ def _comment(options: argparse.Namespace) -> int:
     try:
         text = Path(options.file).read_text(encoding="utf-8").strip()
     except (OSError, ValueError) as error:
-        raise UsageError(f"FILE is {options.file!r}, which cannot be read: {error}.") from None
+        problem = getattr(error, "strerror", None) or error
+        raise UsageError(f"FILE is {options.file!r}, which cannot be read: {problem}.") from None
     links = [link.partition("=") for link in options.link]
     for name, equals, _ in links:
         if not equals:

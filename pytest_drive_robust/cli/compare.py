@@ -40,15 +40,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="LIMIT",
-        help="what may get worse, and by how much, as in ds:-3%%, sr:-0.05, rd:+0.05; repeatable; default: ds:-5%%",
+        help="fail what gets worse by more than this, as in ds:-3%%, sr:-0.05, rd:+0.05; repeatable; default: ds:-5%%",
     )
     add_pytest_option(
         parser,
         "--verdict",
-        help="evidence, list, point, or auto: evidence, but the list below 20 routes of the same seeds",
+        help="judge by this rule: evidence, list, point; auto: evidence, or list with fewer than 20 routes of the "
+        "same seeds",
     )
     add_pytest_option(parser, "--on-mismatch")
-    add_pytest_option(parser, "--inconclusive", help="what an open verdict on changed scores does: warn or fail")
+    add_pytest_option(parser, "--inconclusive", help="treat inconclusive verdicts on changed scores so: warn or fail")
     add_pytest_option(parser, "--json", help="write what was found to FILE")
     add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_compare)

@@ -12,10 +12,12 @@ from pytest_drive_robust.bench2drive.evaluator.ports import DEFAULT_PORT
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `doctor`."""
     parser.add_argument("--root", default=".", metavar="BENCH2DRIVE", help="a checkout of Bench2Drive; default: here")
-    parser.add_argument("--carla-root", metavar="FOLDER", help="default: the variable CARLA_ROOT")
-    parser.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
+    parser.add_argument("--carla-root", metavar="FOLDER", help="the folder of CARLA; default: the variable CARLA_ROOT")
     parser.add_argument(
-        "--port", type=int, default=DEFAULT_PORT, metavar="N", help="the first port to check; default: 2000"
+        "--python", default="", metavar="FILE", help="the Python of the agent's environment; default: this one"
+    )
+    parser.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, metavar="N", help="the first port of the servers; default: 2000"
     )
     parser.set_defaults(command=_doctor)
 
@@ -30,6 +32,8 @@ def _doctor(options: argparse.Namespace) -> int:
             print(f"{'':23} {check.advice}")
     missing = sum(check.ok is False for check in checks)
     print(
-        "the official evaluator can drive" if not missing else f"{missing} missing; the embedded simulator needs none"
+        "nothing is missing: the official evaluator can drive"
+        if not missing
+        else f"{missing} missing. The embedded simulator needs nothing of this."
     )
     return 1 if missing else 0

@@ -40,7 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `export`."""
     parser.description = _DESCRIPTION
     add_run(parser)
-    parser.add_argument("folder", metavar="DIR", nargs="?", help="default: drive-export; bench2drive needs a new one")
+    parser.add_argument(
+        "folder",
+        metavar="DIR",
+        nargs="?",
+        help="the folder to write to; default: drive-export, but bench2drive needs the name of a new one",
+    )
     parser.add_argument(
         "--format", default=_OFFICIAL, metavar="NAME", help=f"{', '.join(_FORMATS)}; default: {_OFFICIAL}"
     )
@@ -52,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="FOLDER",
-        help="where the stored episodes are; default: the store; repeatable for bench2drive",
+        help="read stored episodes from FOLDER; default: the project's store; repeatable for bench2drive",
     )
     parser.set_defaults(command=_export)
 
@@ -65,8 +70,8 @@ def _export(options: argparse.Namespace) -> int:
         return _write(options, chosen)
     if options.folder is None or any(value is not None for value in chosen.values()):
         raise UsageError(
-            f"--format is {_OFFICIAL} (the default), which writes the whole run to a new folder: give DIR and leave "
-            f"out --agent, --setting, --route and --seed, or choose another format: {', '.join(_WRITERS)}."
+            f"--format is {_OFFICIAL} (the default), which writes the whole run to a new folder. Give DIR without "
+            f"--agent, --setting, --route and --seed, or another --format: {', '.join(_WRITERS)}."
         )
     return _write_official(options)
 
@@ -86,8 +91,8 @@ def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
     unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in run.episodes)
     if unread:
         say(
-            f"{unread} of {len(run.episodes)} episodes are not in the store, so their ticks are missing; name another "
-            "store with --episodes"
+            f"{unread} of {len(run.episodes)} episodes are not in the store, so their ticks are missing. Name the "
+            "store that holds them with --episodes."
         )
     return 0
 
@@ -99,11 +104,11 @@ def _write_official(options: argparse.Namespace) -> int:
     for item in written:
         say(f"{item.folder}: {item.agent} under {item.setting}, seed {item.seed}: {counted(item.records, 'record')}")
         if item.broken:
-            say(f"  {item.broken} ended as infra_error: a crashed simulation officially, which counts as 0")
+            say(f"  {item.broken} ended as infra_error: official tools read a crashed simulation and count it as 0")
         if item.logs < item.records:
             say(
-                f"  {item.records - item.logs} without metric_info.json: their ticks are not stored, so the official "
-                "smoothness tool stops there; name the folder with --episodes"
+                f"  {item.records - item.logs} have no metric_info.json, because their ticks were not found: the "
+                "official smoothness tool stops there. Name the folder of their episodes with --episodes."
             )
     say(f"for the official ability tool: CARLA_ROOT={Path(options.folder) / CARLA_FOLDER}, and the set's routes.xml")
     if specs:

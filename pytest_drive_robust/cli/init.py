@@ -24,9 +24,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--suite",
         choices=_SUITES,
         default=_SUITES[0],
-        help="paper: its eleven settings; minimal: one of each family of failures; default: paper",
+        help="paper: the paper's eleven settings; minimal: one setting of each family of failures; default: paper",
     )
-    parser.add_argument("--ci", choices=tuple(_WORKFLOWS), help="also the workflow of this service")
+    parser.add_argument("--ci", choices=tuple(_WORKFLOWS), help="also write the workflow of this service")
     parser.set_defaults(command=_init)
 
 
@@ -38,7 +38,7 @@ def _init(options: argparse.Namespace) -> int:
     there = [str(path) for path in wanted if path.exists() or path.is_symlink()]
     if there:
         raise UsageError(
-            f"{', '.join(there)} exist here and are not written over. Move them, or run in another folder."
+            f"already here and not written over: {', '.join(there)}. Move what is there, or run in another folder."
         )
     for path in wanted:  # before the first file: after an error here, a written file would stop the next try
         with refusing_unwritable(path):
@@ -48,7 +48,7 @@ def _init(options: argparse.Namespace) -> int:
             write_whole(path, (starter / name).read_text(encoding="utf-8"))
         say(f"{path}: written")
     if options.ci:
-        say("the workflow drives the agent that drive_agent names in pytest.ini or pyproject.toml, else one of ours")
+        say("the workflow drives the agent of drive_agent in pytest.ini or pyproject.toml, else the default agent")
         _say_where_it_is_read(Path(_WORKFLOWS[options.ci]))
     say(f"next: pytest --drive-robust {_FOLDER} --drive-agent my_agent:MyAgent --drive-verdict point --drive-save")
     say("then: drive-robust limits --agent my_agent:MyAgent proposes limits that your agent meets, for review")
@@ -61,4 +61,4 @@ def _say_where_it_is_read(workflow: Path) -> None:
     root = next((folder for folder in (here, *here.parents) if (folder / ".git").exists()), here)
     if root != here:
         say(f"{workflow} is read at the root of the repository only: move it to {root / workflow}")
-        say(f"and let its commands run in {here.relative_to(root).as_posix()}, where its paths start from")
+        say(f"and let its commands run in {here.relative_to(root).as_posix()}, where its paths start")

@@ -16,10 +16,10 @@ from pytest_drive_robust.regression.references import read_run_document
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.store.whole_file import refusing_unwritable, write_whole
 
-_DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: what it showed, and as much beyond
-it as a verdict from evidence needs on so many routes. Requirements for which no limit is proposed, as those on metrics
-of your own, are kept as they are. A limit states what you need, not what the agent does: review the
-file, tighten what matters, commit it."""
+_DESCRIPTION = """Proposes a limit for each setting that an agent was driven under: the value that the agent showed,
+plus the distance that a verdict from evidence needs on as many routes. Requirements without a proposal, such as those
+on metrics of your own, are kept as they are. A limit states what you need, not what the agent does: review the file,
+tighten what matters, commit it."""
 
 _FEW_ROUTES = 12
 """With fewer routes an agent's values are mostly chance; verdicts from evidence seldom read fewer routes."""
@@ -28,21 +28,23 @@ _FEW_ROUTES = 12
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `limits`."""
     parser.description = _DESCRIPTION
-    parser.add_argument("--agent", required=True, metavar="NAME", help="whose limits")
+    parser.add_argument("--agent", required=True, metavar="NAME", help="propose limits for this agent of the run")
     parser.add_argument(
         "--run",
         default="latest",
         metavar="RUN",
         help=f"{A_RUN}; default: latest",
     )
-    parser.add_argument("--out", metavar="FILE", help="a new file; default: limits-AGENT.txt")
+    parser.add_argument("--out", metavar="FILE", help="write the limits to this new file; default: limits-AGENT.txt")
     parser.set_defaults(command=_limits)
 
 
 def _limits(options: argparse.Namespace) -> int:
     path = Path(options.out or f"limits-{options.agent.replace(':', '-').replace('/', '-')}.txt")
     if path.exists():
-        raise UsageError(f"{str(path)!r} exists, and limits are reviewed: give another name with --out.")
+        raise UsageError(
+            f"{str(path)!r} exists and is not written over, because limits are reviewed. Give another name with --out."
+        )
     document = read_run_document(options.run)
     rule = VerdictRule()
     found = propose_limits(
@@ -63,9 +65,8 @@ def _limits(options: argparse.Namespace) -> int:
     fewest = min(item.routes for item in found)
     if fewest < _FEW_ROUTES:
         say(
-            f"warning: {counted(fewest, 'route')} show little of an agent, and another {fewest} would give other "
-            "limits. Drive those that the gate will drive, as with --drive-routes one-per-scenario (44), and propose "
-            "again."
+            f"warning: {counted(fewest, 'route')} show little of an agent: other routes would give other limits. Drive "
+            "the routes that the gate will drive, as with --drive-routes one-per-scenario (44), and propose again."
         )
     return 0
 

@@ -16,7 +16,7 @@ _LISTS = (*KINDS, "routes")
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `list`."""
-    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(_LISTS)}; all when left out")
+    parser.add_argument("kinds", nargs="*", metavar="KIND", help=f"{', '.join(_LISTS)}; default: all")
     parser.set_defaults(command=_list)
 
 

@@ -19,21 +19,21 @@ from pytest_drive_robust.registry.registry import default_registry
 
 COMMANDS = {
     "init": "write a starter suite, its limits and a workflow into your repository",
-    "list": "agents, perturbations, simulators, metrics and sets of routes, and where each comes from",
+    "list": "list agents, perturbations, simulators, metrics and sets of routes, and where each comes from",
     "routes": "list routes, check that they can be driven, or draw them from above",
-    "runs": "the runs that --drive-save stored",
-    "compare": "is run B worse than run A? Exit code 1 when it is",
+    "runs": "list the runs that --drive-save stored",
+    "compare": "tell whether run B is worse than run A; exit code 1 when it is",
     "report": "write a run as a folder of pages: verdicts, failures, replays",
     "limits": "propose limits for an agent from a run that drove it, to be reviewed",
     "bless": "accept a run as the baseline that later runs are compared with",
-    "score": "the totals of official Bench2Drive results",
+    "score": "compute the totals of official Bench2Drive results",
     "export": "write a run for other tools: parquet, csv, mcap, rrd, bench2drive",
     "comment": "put the summary of a run on the pull request, one comment that is updated in place",
-    "doctor": "what is missing for --drive-sim bench2drive?",
-    "check-agent": "does an agent keep the contract?",
+    "doctor": "tell what is missing for --drive-sim bench2drive",
+    "check-agent": "check whether an agent keeps the contract",
     "replay": "drive one route again and film it",
     "warm": "compile everything now, for container images and CI caches",
-    "store": "the finished episodes that runs keep for later ones",
+    "store": "count, verify or remove the finished episodes that runs keep for later ones",
 }
 """Every command with its help. The module of a command, `cli.check_agent` for `check-agent`, has
 `add_arguments(parser)`. This function sets the default `command`, a function of the parsed arguments that returns the
@@ -83,12 +83,12 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         default=[],
         metavar="PLUGIN",
-        help="a module or the path of a conftest.py that registers names of its own; may be repeated",
+        help="read the names that this module or conftest.py registers, such as agents of your own; repeatable",
     )
     parser.add_argument("--version", action="version", version=f"drive-robust {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND", parser_class=_CommandParser)
     for name, text in COMMANDS.items():
-        about = f"{text[0].upper()}{text[1:]}{'' if text.endswith('?') else '.'}"
+        about = f"{text[0].upper()}{text[1:]}."
         command = commands.add_parser(name, help=text, description=about)
         command.module = f"pytest_drive_robust.cli.{name.replace('-', '_')}"
     return parser

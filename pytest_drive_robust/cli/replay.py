@@ -48,17 +48,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `replay`."""
     parser.description = _DESCRIPTION
     parser.add_argument("route", metavar="ROUTE", help="the id of a route, or the .episode file of a stored episode")
-    parser.add_argument("--agent", metavar="NAME", help="a name out of `list agents`, or module:Class")
-    parser.add_argument("--setting", metavar="SENTENCE", help='such as "200 ms latency"; default: clean')
-    parser.add_argument("--seed", type=int, help="default: 0")
+    parser.add_argument("--agent", metavar="NAME", help="a name from `drive-robust list agents`, or module:Class")
+    parser.add_argument(
+        "--setting", metavar="SENTENCE", help='drive under this, as in "200 ms latency"; default: clean'
+    )
+    parser.add_argument("--seed", type=int, help="seed of the episode; default: 0")
     add_pytest_option(parser, "--sim")
     parser.add_argument(
-        "--routes", metavar="SET", help="where ROUTE is from: a set (full, one-per-scenario, dev10) or a file"
+        "--routes",
+        metavar="SET",
+        help="look for ROUTE here: a set (full, one-per-scenario, dev10) or a file; default: all routes of --sim",
     )
-    add_pytest_option(parser, "--stuck-stop", help="as --drive-stuck-stop of the run that is replayed")
-    parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after so many ticks")
+    add_pytest_option(parser, "--stuck-stop", help="give the --drive-stuck-stop of the run that is replayed")
+    parser.add_argument("--tick-cap", type=int, metavar="N", help="end both episodes after N ticks")
     parser.add_argument(
-        "--run", metavar="RUN", help="a stored run or a folder of episodes: say whether both are the same"
+        "--run",
+        metavar="RUN",
+        help="compare with the episodes of a stored run or of a folder; exit code 1 when they differ",
     )
     parser.add_argument(
         "--stored-controls",
@@ -68,9 +74,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--out",
         metavar="FILE",
-        help="a .mp4, or a .png strip; default: a .mp4 with agent, route, setting, seed in its name",
+        help="write this .mp4, or a .png strip; default: a .mp4 with agent, route, setting and seed in its name",
     )
-    parser.add_argument("--no-video", action="store_true", help="only tell what happened")
+    parser.add_argument("--no-video", action="store_true", help="write no film, only print what happened")
     parser.set_defaults(command=_replay)
 
 
@@ -118,7 +124,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
     stored = read_episode_file(options.route) if options.route.endswith(".episode") else None
     if options.stored_controls:
         if stored is None:
-            raise UsageError("--stored-controls drives what a stored episode holds: give its .episode file as ROUTE.")
+            raise UsageError("--stored-controls needs a stored episode. Give its .episode file as ROUTE.")
         given = [f"--{name}" for name in ("agent", "setting", "seed") if getattr(options, name) is not None]
         if given:
             raise UsageError(
@@ -127,7 +133,7 @@ def _wanted(options: argparse.Namespace, registry: Registry) -> _Wanted:
             )
     agent = options.agent or (stored.episode.agent if stored else None)
     if agent is None:
-        raise UsageError("--agent is missing: give a name out of `drive-robust list agents`, or module:Class.")
+        raise UsageError("--agent is missing. Give a name from `drive-robust list agents`, or module:Class.")
     sentence = options.setting if options.setting is not None else stored.episode.setting if stored else "clean"
     seed = options.seed if options.seed is not None else stored.episode.seed if stored else 0
     check_seeds([seed], source="--seed")
@@ -153,7 +159,7 @@ def _target(options: argparse.Namespace, wanted: _Wanted) -> Path:
     if target.suffix.lower() == ".mp4" and not has_encoder():
         strip = target.with_suffix(".png")
         print(f"drive-robust: no H.264 encoder is installed, so the telling moments go to {strip}.", file=sys.stderr)
-        print(f"drive-robust: for a video pip install '{EXTRA}'", file=sys.stderr)
+        print(f"drive-robust: to get a video, pip install '{EXTRA}'", file=sys.stderr)
         return strip
     return target
 

@@ -30,11 +30,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `report`."""
     parser.description = _DESCRIPTION
     add_run(parser)
-    parser.add_argument("--against", metavar="BASE", help="compare with: a run, or baseline or baseline:AGENT")
+    parser.add_argument(
+        "--against", metavar="BASE", help="also show what changed against this run, baseline or baseline:AGENT"
+    )
     add_pytest_option(parser, "--on-mismatch")
-    parser.add_argument("--out", metavar="DIR", default="drive-report", help="a folder; default: drive-report")
-    parser.add_argument("--store", metavar="FOLDER", help="where the episodes are; default: .drive-robust")
-    parser.add_argument("--films", metavar="FOLDER", help="the videos that drive-robust replay wrote there")
+    parser.add_argument(
+        "--out", metavar="DIR", default="drive-report", help="write the pages here; default: drive-report"
+    )
+    parser.add_argument("--store", metavar="FOLDER", help="read the episodes from this store; default: .drive-robust")
+    parser.add_argument("--films", metavar="FOLDER", help="show the videos that drive-robust replay wrote to FOLDER")
     add_pytest_option(parser, "--baselines")
     parser.set_defaults(command=_report)
 

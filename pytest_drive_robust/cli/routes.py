@@ -20,23 +20,27 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `routes list`, `routes check` and `routes draw`."""
     what = parser.add_subparsers(required=True, metavar="WHAT")
-    listing = what.add_parser("list", help="id, scenario, town, length and weather of each route")
+    listing = what.add_parser("list", help="list id, scenario, town, length and weather of each route")
     add_pytest_option(listing, "--sim")
     listing.set_defaults(command=_list)
-    check = what.add_parser("check", help="what was understood of each route, or why it cannot be driven")
+    check = what.add_parser("check", help="tell what was understood of each route, or why it cannot be driven")
     check.set_defaults(command=_check)
-    draw = what.add_parser("draw", help="a contact sheet: each route from above when its scenario is on")
-    draw.add_argument("-o", "--output", default="routes.png", metavar="FILE.png", help="default: routes.png")
-    draw.add_argument("--camera", action="store_true", help="beside each the view of a front camera")
-    draw.add_argument("--size", type=int, default=320, metavar="PX", help="side of one picture; default: 320")
-    draw.add_argument("--columns", type=int, default=None, metavar="N", help="default: 8, with cameras 3")
-    draw.add_argument("--seed", type=int, default=0, help="default: 0")
+    draw = what.add_parser("draw", help="draw one sheet of pictures: each route from above while its scenario happens")
+    draw.add_argument(
+        "-o", "--output", default="routes.png", metavar="FILE.png", help="write this file; default: routes.png"
+    )
+    draw.add_argument("--camera", action="store_true", help="also show what a front camera sees there")
+    draw.add_argument("--size", type=int, default=320, metavar="PX", help="side of one picture in pixels; default: 320")
+    draw.add_argument(
+        "--columns", type=int, default=None, metavar="N", help="pictures in a row; default: 8, with --camera 3"
+    )
+    draw.add_argument("--seed", type=int, default=0, help="seed of the traffic; default: 0")
     draw.set_defaults(command=_draw)
     text = f"a set (full, one-per-scenario, dev10), a file, ids, or FILE:id,id; default: {DEFAULT_ROUTES}"
     for command in (listing, check, draw):
         command.add_argument("routes", nargs="?", default=DEFAULT_ROUTES, metavar="SET", help=text)
     listing.set_defaults(routes=None)  # another world may have other routes
-    draw.add_argument("ids", nargs="*", metavar="ID", help="only these of them")
+    draw.add_argument("ids", nargs="*", metavar="ID", help="draw only these routes of SET; default: all")
 
 
 def print_sets() -> None:

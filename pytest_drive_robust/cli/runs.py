@@ -15,7 +15,7 @@ from pytest_drive_robust.regression.references import StoredRuns, project_home
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `runs list`."""
     what = parser.add_subparsers(required=True, metavar="WHAT")
-    listing = what.add_parser("list", help="name, date, commit, agents and size of each, the oldest first")
+    listing = what.add_parser("list", help="list name, date, commit, agents and size of each run, the oldest first")
     listing.set_defaults(command=_list)
 
 

@@ -21,18 +21,25 @@ from pytest_drive_robust.simulators.embedded.route_xml import load_routes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the arguments of `score`."""
-    parser.add_argument("results", metavar="FILE_OR_DIR", help="a result JSON, a merged one, or a folder of split ones")
-    add_pytest_option(parser, "--metrics")
-    parser.add_argument("--routes", metavar="FILE.xml", help="the route file: names missing routes, tells their types")
     parser.add_argument(
-        "--metric-dir", metavar="FOLDER", help="where metric_info.json are; default: beside the results"
+        "results", metavar="FILE_OR_DIR", help="a result JSON, a merged one, or the folder of its parts"
+    )
+    add_pytest_option(parser, "--metrics")
+    parser.add_argument(
+        "--routes", metavar="FILE.xml", help="read this route file, to show abilities and missing routes"
+    )
+    parser.add_argument(
+        "--metric-dir",
+        metavar="FOLDER",
+        help="look for metric_info.json files, which comfort needs, below FOLDER; default: beside the results",
     )
     parser.add_argument(
         "--carla-root",
         metavar="FOLDER",
-        help="your CARLA, with --routes: its maps decide Traffic_Signs as in the official tool; no server needed",
+        help="with --routes, read the maps of CARLA in FOLDER: the official ability Traffic_Signs needs them, but no "
+        "server",
     )
-    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("--json", action="store_true", help="print JSON in place of text")
     parser.set_defaults(command=_score)
 
 
@@ -41,7 +48,7 @@ def _score(options: argparse.Namespace) -> int:
     if options.carla_root and not options.routes:
         raise UsageError("--carla-root needs --routes FILE.xml: the maps tell nothing without the routes on them.")
     if options.metric_dir and not Path(options.metric_dir).is_dir():
-        raise UsageError(f"--metric-dir is {options.metric_dir!r}, expected a folder that metric_info.json are below.")
+        raise UsageError(f"--metric-dir is {options.metric_dir!r}, expected a folder above metric_info.json files.")
     results = read_results(Path(options.results))
     routes = load_routes(Path(options.routes)) if options.routes else ()
     scenarios = {route.id: route.scenario.type for route in routes} if options.routes else None
@@ -49,8 +56,8 @@ def _score(options: argparse.Namespace) -> int:
         foreign = foreign_records(results.records, scenarios, mode=options.metrics)
         if len(foreign) == len(results.records):
             raise UsageError(
-                f"--routes {options.routes} has none of the routes of the results (first: {foreign[0].route!a}): "
-                "expected the route file that they were driven on."
+                f"--routes {options.routes} has none of the routes of the results (first: {foreign[0].route!a}). "
+                "Give the route file that the results were driven on."
             )
     junctions = None
     if options.carla_root and scenarios is not None:

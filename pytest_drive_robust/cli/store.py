@@ -20,30 +20,32 @@ _MEGA = 1e6
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `store stats`, `store verify` and `store gc`."""
     what = parser.add_subparsers(required=True, metavar="WHAT")
-    stats = what.add_parser("stats", help="how many episodes of which agents, how large, what driving them took")
+    stats = what.add_parser("stats", help="count episodes by agent and outcome, their megabytes and their driving time")
     stats.set_defaults(command=_stats)
     verify = what.add_parser(
         "verify", help="read every record to its last byte. Exit code 1 when one is damaged or cannot be read"
     )
-    verify.add_argument("--fix", action="store_true", help="move damaged records to aside/: they are driven again")
+    verify.add_argument("--fix", action="store_true", help="move damaged records to aside/, to drive them again")
     verify.set_defaults(command=_verify)
     gc = what.add_parser(
         "gc",
-        help="remove damaged records, leftovers of writers that died, and the episodes that you name. Exit code 1 "
-        "when one could not be removed",
+        help="remove damaged records, leftover files of processes that died, and the episodes that the options name. "
+        "Exit code 1 when one could not be removed",
     )
-    gc.add_argument("--older-than", metavar="TIME", help="also every record written longer ago, as in 30d or 12h")
+    gc.add_argument("--older-than", metavar="TIME", help="also remove records older than this, as in 30d or 12h")
     gc.add_argument(
         "--agent",
         action="append",
         default=[],
         metavar="NAME",
-        help="also every record of this agent, with --older-than the old ones of it only; repeatable",
+        help="also remove records of this agent, with --older-than only its old ones; repeatable",
     )
-    gc.add_argument("--dry-run", action="store_true", help="only say what would go")
+    gc.add_argument("--dry-run", action="store_true", help="remove nothing, only tell what would be removed")
     gc.set_defaults(command=_gc)
     for command in (stats, verify, gc):
-        command.add_argument("--store", metavar="FOLDER", help="default: .drive-robust, here or in a folder above")
+        command.add_argument(
+            "--store", metavar="FOLDER", help="the store; default: .drive-robust, here or in a folder above"
+        )
 
 
 def _stats(options: argparse.Namespace) -> int:
@@ -56,11 +58,11 @@ def _stats(options: argparse.Namespace) -> int:
         _print_agents(found)
     again = found.records - found.unreadable - found.reusable
     if again:
-        print(f"{again} ended in a way that no other run takes over (timeouts, crashes, errors of the simulator)")
+        print(f"{again} ended in timeouts, crashes or errors of the simulator: other runs drive them again")
     if found.unreadable:
         print(f"{found.unreadable} cannot be read: see drive-robust store verify")
     if found.set_aside:
-        print(f"{found.set_aside} damaged ones lie in {found.folder / 'aside'}")
+        print(f"damaged records in {found.folder / 'aside'}: {found.set_aside}")
     return 0
 
 
@@ -83,9 +85,7 @@ def _verify(options: argparse.Namespace) -> int:
     if not damaged:
         return 1 if unread else 0
     if not options.fix:
-        print(
-            "A run moves a damaged record to aside/ when it meets it and drives the episode again. --fix does it now."
-        )
+        print("A run that needs a damaged record moves it to aside/ and drives the episode again. --fix moves all now.")
         return 1
     moved = set_aside(folder, damaged)
     print(f"{moved} moved to {folder / 'aside'}")
@@ -102,7 +102,7 @@ def _gc(options: argparse.Namespace) -> int:
                 raise UnknownNameError.of("agent", agent, known, hint=f"The store is {str(folder)!r}.")
     swept = sweep(folder, older_than_s=older_than_s, agents=options.agent, dry=options.dry_run)
     removed = f"{counted(swept.records, 'episode')}, {counted(swept.damaged, 'damaged record')}"
-    leftovers = f"{counted(swept.leftovers, 'leftover')} of writers that died"
+    leftovers = f"{counted(swept.leftovers, 'leftover')} of processes that died"
     did = "would remove" if options.dry_run else "removed"
     print(f"{folder}: {did} {removed} and {leftovers}, {swept.size_bytes / _MEGA:.1f} MB")
     if not swept.problems:
@@ -123,8 +123,10 @@ def existing_store(options: argparse.Namespace) -> Path:
     """Return the store that `--store` names, else that of the project. Raises `UsageError` where there is none."""
     folder = Path(options.store) if options.store else project_store()
     if not folder.is_dir():
-        advice = "" if options.store else " Name another with --store, as --drive-store did in the run."
+        advice = "" if options.store else " Give --store the folder that --drive-store named in the run."
         raise UsageError(f"there is no store {str(folder)!r}.{advice}")
     if not is_store(folder):
-        raise UsageError(f"{str(folder)!r} is not a store: it has no folder 'episodes'. A project's is .drive-robust.")
+        raise UsageError(
+            f"{str(folder)!r} is not a store: it has no folder 'episodes'. The default store is .drive-robust."
+        )
     return folder

@@ -41,7 +41,10 @@ class VerdictRule:
         for name, low, high in (("margin", 0.0, 1.0), ("alpha", 0.0, 0.5)):
             value = getattr(self, name)
             if not (isinstance(value, (int, float)) and math.isfinite(value) and low < value < high):
-                raise UsageError(f"the verdict's {name} is {value!r}, expected a number between {low:g} and {high:g}.")
+                raise UsageError(
+                    f"the verdict's {name} is {value!r}, expected a number between {low:g} and {high:g}. "
+                    f"Set it with --drive-{name}."
+                )
         if not 0.0 <= self.clean_floor <= _TOP_SCORE:
             raise UsageError(f"the floor of the clean driving score is {self.clean_floor!r}, expected 0..100.")
         if self.family < 1:

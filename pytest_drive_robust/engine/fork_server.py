@@ -109,7 +109,7 @@ class ForkServer:
                     self._stop()
             self._hear()
             time.sleep(_POLL_S)
-        raise NoWorkerError(f"no process for the episode can be started: {problems[-1]}")
+        raise NoWorkerError(f"no worker process can be started: {problems[-1]}")
 
     def close(self) -> None:
         """End the server and all its workers. A second call does nothing."""
@@ -127,7 +127,7 @@ class ForkServer:
             self._stop()
             forks = self._launch(unwanted)
         if forks is None:
-            raise NoWorkerError(f"the process that starts all others {self._why_not_ready()}.")
+            raise NoWorkerError(f"the fork server, which starts the worker processes, {self._why_not_ready()}.")
         try:
             self._check_loaded()
         except UsageError:
@@ -198,7 +198,7 @@ class ForkServer:
             return ""
         self._log.seek(0)
         lines = self._log.read()[-2000:].decode("utf-8", "replace").strip().splitlines()
-        return f"It said: {lines[-1]}" if lines else "It said nothing."
+        return f"Its last line: {lines[-1]}" if lines else "It printed nothing."
 
     def _stop(self) -> None:
         if self._control is not None:

@@ -81,8 +81,8 @@ class ExecutionOptions:
             for flag in _GUARDS:
                 if asked_for(flag, config):
                     raise UsageError(
-                        f"{flag} needs a process for each episode, and these are driven in that of pytest: "
-                        "--drive-executor inline, -s, --pdb or --trace asks for it. Leave one of them out."
+                        f"{flag} needs worker processes, but --drive-executor inline, -s, --pdb or --trace drives the "
+                        f"episodes in the process of pytest. Leave {flag} or the other option out."
                     )
         if options.executor != "ray" and asked_for("--drive-ray-address", config):
             raise UsageError("--drive-ray-address needs --drive-executor ray: add that, or leave the address out.")

@@ -113,10 +113,10 @@ def _text(option: Option, source: OptionSource) -> str:
     if value is None:
         value, given = _overriding(option, source), f"-o {option.name}"
     if value is not None and not str(value).strip():
-        usual = f", or {option.default!r}" if option.default else ""
+        usual = f", else {option.default!r}" if option.default else ""
         raise UsageError(
-            f"{given} is empty, expected {option.metavar}: {option.help}. Left out, it is what the ini file "
-            f"says{usual}."
+            f"{given} is empty, expected {option.metavar}: {option.help}. Leave it out to use the "
+            f"value of the ini file{usual}."
         )
     return str(source.getini(option.name) if value is None else value).strip()
 

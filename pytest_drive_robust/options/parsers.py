@@ -11,6 +11,7 @@ from typing import TypeVar
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.option import GivenText, asked_for
+from pytest_drive_robust.options.table import OPTIONS
 
 Name = TypeVar("Name", bound=str)
 _DURATION = r"(?i)(?P<number>[0-9]*\.?[0-9]+)\s*(?P<unit>ms|s|sec|m|min|h|d)?"
@@ -54,7 +55,7 @@ def check_seeds(seeds: Iterable[object], *, source: str) -> tuple[int, ...]:
         if seed >= _SEEDS_END:
             raise UsageError(f"{source} holds {seed}, expected numbers below 2^53 = {_SEEDS_END}.")
         if seed in numbers:
-            raise UsageError(f"{source} holds seed {seed} twice: the same episode would count double.")
+            raise UsageError(f"{source} holds seed {seed} twice, expected each once: an episode would count double.")
         numbers.append(seed)
     if not numbers:
         raise UsageError(f"{source} is empty, expected at least one seed.")
@@ -67,7 +68,7 @@ def share(given: GivenText) -> float:
         return float(given.text)
     except ValueError:
         raise UsageError(
-            f"{given.flag} is {given.text!r}, expected a number between 0 and 1, as in {given.flag} 0.10."
+            f"{given.flag} is {given.text!r}, expected a number, as in {given.flag} {OPTIONS[given.flag].default}."
         ) from None
 
 
@@ -135,8 +136,8 @@ def writable_folder(given: GivenText) -> Path | None:
 def _require_place(given: GivenText, path: Path) -> None:
     """Raise `UsageError` where `path` could not be written or made."""
     if not path.parent.is_dir():
-        missing, similar = str(path.parent), _similar(path.parent)
-        raise UsageError(f"{given.flag} is {given.text!r}, but there is no folder {missing!r}.{similar}")
+        missing, advice = str(path.parent), _similar(path.parent) or " Make it first."
+        raise UsageError(f"{given.flag} is {given.text!r}, but there is no folder {missing!r}.{advice}")
     require_writable(given, path if path.is_dir() else path.parent)
 
 

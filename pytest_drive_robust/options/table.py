@@ -36,49 +36,69 @@ def _switch(flag: str, help: str) -> Option:
 _SESSION = (_switch("--drive-robust", "drive episodes and judge requirements"),)
 
 _RUN = (
-    Option("--drive-agent", "NAME", "tcp", "the agent under test"),
+    Option("--drive-agent", "NAME", "tcp", "drive this agent: a name from `drive-robust list agents`, or module:Class"),
     Option(
         "--drive-routes",
         "SPEC",
         "one-per-scenario",
-        "full, one-per-scenario, dev10, a route XML file, ids as in 101,2301, or FILE:id,id",
+        "drive these routes: full, one-per-scenario, dev10, a route XML file, ids as in 101,2301, or FILE:id,id",
     ),
-    Option("--drive-seeds", "LIST", "0", "seeds that each route is driven with, as in 0,1"),
-    Option("--drive-sim", "NAME", "embedded", "the simulator, as in gymnasium:merge-v0"),
+    Option("--drive-seeds", "LIST", "0", "drive each route once with each of these seeds, as in 0,1"),
+    Option("--drive-sim", "NAME", "embedded", "drive in this simulator, as in gymnasium:merge-v0"),
     Option(
         "--drive-reading",
         "NAME",
         "paper",
-        "how failures are read where the paper's equations and its released code differ: paper or released",
+        "read failures as the paper's equations (paper) or as its released code (released), where the two differ",
     ),
-    Option("--drive-metrics", "MODE", "bench2drive", "how metrics are computed: bench2drive or fixed"),
-    Option("--drive-verdict", "RULE", "auto", "how to judge: auto, evidence, list, point"),
-    Option("--drive-margin", "SHARE", "0.10", "how far beyond a limit evidence may still pass"),
-    Option("--drive-alpha", "SHARE", "0.05", "how often a verdict from evidence may be wrong, each way"),
-    Option("--drive-inconclusive", "MODE", "warn", "what an inconclusive verdict does to its test: warn, fail or skip"),
+    Option(
+        "--drive-metrics",
+        "MODE",
+        "bench2drive",
+        "compute metrics exactly as Bench2Drive's tools (bench2drive), or without their known errors (fixed)",
+    ),
+    Option(
+        "--drive-verdict",
+        "RULE",
+        "auto",
+        "judge routes like these (evidence) or exactly these (list), both until the verdict is clear, or drive all "
+        "routes (point); auto: evidence, or list with fewer than 20 routes",
+    ),
+    Option(
+        "--drive-margin",
+        "SHARE",
+        "0.10",
+        "let evidence pass values that are beyond the limit by up to this share of the metric's range",
+    ),
+    Option("--drive-alpha", "SHARE", "0.05", "let a fail, or a pass, from evidence be wrong this often at most"),
+    Option(
+        "--drive-inconclusive",
+        "MODE",
+        "warn",
+        "treat a test with an inconclusive verdict so: warn (it passes, with a warning), fail or skip",
+    ),
     Option(
         "--drive-correction",
         "NAME",
         "none",
-        "none: each verdict from evidence is wrong at most alpha of the time; holm: at most alpha of the time "
-        "the whole run has a wrong fail",
+        "apply --drive-alpha to fails of each requirement alone (none), or to any wrong fail in the whole run (holm)",
     ),
     Option(
         "--drive-stuck-stop",
         "SECONDS",
         "",
-        "end an episode once the ego stood this long; none: after 60 s, as officially",
+        "end an episode once the ego stood this long; none: after 60 s, as in Bench2Drive",
     ),
     Option(
         "--drive-store",
         "FOLDER",
         ".drive-robust",
-        "where finished episodes are kept for every later run; off: only until this run ends",
+        "keep finished episodes in FOLDER for every later run; off: only until this run ends",
     ),
     _switch("--drive-fresh", "drive again what earlier runs left in the store"),
     Option("--drive-json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
     Option("--drive-csv", "FILE", "", "write one line for each episode to FILE"),
-    Option("--drive-report", "FOLDER", "", "write pages to look at to FOLDER: verdicts, failures, replays"),
+    Option("--drive-report", "FOLDER", "", "write web pages to FOLDER: verdicts, failures, replays"),
     _switch("--drive-plan", "show which episodes are needed and stored; drive nothing"),
     _switch("--drive-probe", "drive one clean episode twice first, and report whether it repeats to the bit"),
 )
@@ -88,14 +108,14 @@ _EXECUTION = (
         "--drive-executor",
         "NAME",
         "auto",
-        "inline (in this process, for debuggers), processes (workers of our own), ray; auto: processes, inline with "
-        "--pdb, --trace or -s",
+        "drive in worker processes (processes), in this process for debuggers (inline) or on a cluster (ray); auto: "
+        "processes, inline with --pdb, --trace or -s",
     ),
     Option(
         "--drive-workers",
         "N",
         "auto",
-        "episodes at a time; auto: every core, 1 under -n and with --drive-sim bench2drive",
+        "drive N episodes at a time; auto: one on every core, 1 under -n and with --drive-sim bench2drive",
     ),
     Option(
         "--drive-lockstep",
@@ -103,21 +123,27 @@ _EXECUTION = (
         "",
         "drive agents that offer act_batch N episodes at a time in one process, N a multiple of 4 such as 8",
     ),
-    Option("--drive-episode-timeout", "TIME", "30m", "longest wall time of an episode, as in 90s"),
-    Option("--drive-act-timeout", "TIME", "60s", "longest wall time of one call of the agent"),
-    Option("--drive-memory", "GB", "", "what the process of an episode may allocate, as in 4"),
+    Option("--drive-episode-timeout", "TIME", "30m", "stop an episode after this wall time, as in 90s; none: no limit"),
+    Option(
+        "--drive-act-timeout",
+        "TIME",
+        "60s",
+        "stop an episode when one call of the agent takes longer than this, as in 90s; none: no limit",
+    ),
+    Option("--drive-memory", "GB", "", "let the process of an episode allocate this much at most, as in 4"),
     Option(
         "--drive-ray-address",
         "ADDRESS",
         "",
-        "the Ray cluster of --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
+        "use this Ray cluster with --drive-executor ray: host:port, auto or local (default: $RAY_ADDRESS, else local)",
     ),
-    Option("--drive-b2d-root", "FOLDER", "", "the Bench2Drive checkout that --drive-sim bench2drive uses"),
+    Option("--drive-b2d-root", "FOLDER", "", "use the Bench2Drive checkout in FOLDER, with --drive-sim bench2drive"),
     Option(
         "--drive-b2d-python",
         "FILE",
         "",
-        "the Python of the agent's environment, for the evaluator of --drive-sim bench2drive; default: that of pytest",
+        "run the evaluator of --drive-sim bench2drive with this Python, that of the agent's environment (default: "
+        "that of pytest)",
     ),
     Option(
         "--drive-results",
@@ -125,7 +151,7 @@ _EXECUTION = (
         "",
         'judge official results instead of driving, as in "clean=DIR,200 ms latency=DIR2"',
     ),
-    Option("--drive-budget", "TIME", "", "begin nothing new after so long, as in 20m; run again to go on"),
+    Option("--drive-budget", "TIME", "", "begin no episode after this time, as in 20m; run again to go on"),
 )
 
 _REGRESSION = (
@@ -133,7 +159,8 @@ _REGRESSION = (
         "--drive-save",
         "NAME",
         "",
-        "store the run as .drive-robust/runs/NAME.json, with all routes, also those that verdicts do without",
+        "store the run as .drive-robust/runs/NAME.json, to compare others with; drives all routes, also those that "
+        "verdicts do without",
         bare="auto",
     ),
     Option(
@@ -144,16 +171,21 @@ _REGRESSION = (
         "alone: the blessed baseline, else the latest run; drives all routes",
         bare="auto",
     ),
-    Option("--drive-fail-on", "LIST", "", "what may get worse, as in ds:-5%,rd:+0.05; default: ds:-5%"),
+    Option(
+        "--drive-fail-on",
+        "LIST",
+        "",
+        "with --drive-compare, fail what gets worse by more than this, as in ds:-5%,rd:+0.05 (default: ds:-5%)",
+    ),
     Option(
         "--drive-on-mismatch",
         "POLICY",
         "default",
-        "default, warn or refuse, when the two runs were driven differently; default refuses other routes and "
-        "simulators, and warns about the rest",
+        "warn about runs that were driven differently (warn) or refuse to compare them (refuse); default: refuse "
+        "other routes and simulators, warn about the rest",
     ),
-    Option("--drive-baselines", "FOLDER", "", "blessed baselines; default: suites/baselines"),
-    Option("--drive-waivers", "FILE", "", "waivers; default: suites/waivers.toml where it exists"),
+    Option("--drive-baselines", "FOLDER", "", "keep blessed baselines in FOLDER (default: suites/baselines)"),
+    Option("--drive-waivers", "FILE", "", "read waivers from FILE (default: suites/waivers.toml where it exists)"),
 )
 
 OPTIONS = {option.flag: option for option in (*_SESSION, *_RUN, *_EXECUTION, *_REGRESSION)}

@@ -135,7 +135,7 @@ def _forgotten(item: pytest.Item) -> NotJudgedError | None:
     given = next((value for value in callspec.params.values() if isinstance(value, Requirement)), None)
     if given is None:
         return None
-    return NotJudgedError(given, "the test ended without it. Call drive.check(requirement), or skip the test.")
+    return NotJudgedError(given, "the test ended without judging it. Call drive.check(requirement), or skip the test.")
 
 
 def _passed_unexpectedly(report: pytest.TestReport) -> bool:

@@ -81,7 +81,7 @@ def _changed(before: dict[str, str]) -> list[str]:
 def _told(changed: list[str]) -> str:
     named = first_few(changed, _MOST_NAMED)
     return (
-        "drive-robust: changed since the tests were collected, and not for the agent, which drives with the "
-        f"environment of then: {named}. Set it before pytest starts or as conftest.py is imported, or make it an "
-        "option of the agent."
+        f"drive-robust: environment variables changed after the tests were collected: {named}. The agent does not see "
+        "the change. Set a variable before pytest starts or while conftest.py is imported, or make it an option of "
+        "the agent."
     )

@@ -20,9 +20,8 @@ from pytest_drive_robust.plugin.fixtures import NEEDS_FLAG, uses_drive
 __all__: list[str] = []
 
 _MARKER_LINE = (
-    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], reading=NAME, verdict=RULE, margin=SHARE): drive these tests "
-    "with this agent, these routes and these seeds, read failures so, and judge them by this rule, whatever the "
-    "command line says."
+    "drive_robust(agent=NAME, routes=SPEC, seeds=[0, 1], reading=NAME, verdict=RULE, margin=SHARE): use these values "
+    "in place of --drive-agent, --drive-routes and so on for the marked tests, whatever the command line says."
 )
 
 _HOOK = "pytest_drive_robust_register"
@@ -34,7 +33,10 @@ _OUTER_NAMES = pytest.StashKey[int]()
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the options of the group drive-robust and an ini key for each."""
-    group = parser.getgroup("drive-robust", "drive-robust: closed-loop robustness requirements")
+    group = parser.getgroup(
+        "drive-robust",
+        "drive-robust: closed-loop robustness requirements (in the ini file: drive_agent for --drive-agent)",
+    )
     for option in OPTIONS.values():
         if option.is_switch:
             group.addoption(option.flag, action="store_true", help=option.help)
@@ -174,7 +176,9 @@ def _refuse_options_alone(config: pytest.Config) -> None:
         return
     for word in map(str, config.invocation_params.args):
         if word.partition("=")[0] in OPTIONS:
-            raise pytest.UsageError(f"{word} has no effect without --drive-robust: give that, too, or leave both out.")
+            raise pytest.UsageError(
+                f"{word} has no effect without --drive-robust. Add --drive-robust, or leave {word} out."
+            )
 
 
 def _hide_names_of_outer(config: pytest.Config) -> None:

@@ -309,7 +309,7 @@ class Drive:
                     comparison=requirement.comparison,
                 )
         except _UNJUDGED as error:  # the verdict does not depend on this search
-            return f"\n  how far the agent gets is not known: {error}"
+            return f"\n  the largest severity that holds is not known: {error}"
         return f"\n  {found}"
 
 
@@ -355,4 +355,7 @@ def marker_options(item: pytest.Item) -> MarkerOptions:
 def _require_requirement(call: str, given: object) -> None:
     __tracebackhide__ = True
     if not isinstance(given, Requirement):
-        raise TypeError(f"drive.{call} expects a requirement, as requirements(...) gives them, not {given!r}")
+        raise TypeError(
+            f"drive.{call} was given {given!r}, expected a Requirement: give one of the list that requirements(...) "
+            "returns."
+        )

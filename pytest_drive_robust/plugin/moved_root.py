@@ -31,13 +31,13 @@ def refuse_moved_root(config: pytest.Config) -> None:
         return
     root, ini = _meant(config)
     if ini != config.inipath:
-        said = f"it reads {_named(config.inipath)}, and not {_named(ini)}"
+        said = f"it reads {_named(config.inipath)} instead of {_named(ini)}"
     elif root != config.rootpath and _stores_in_root(config):
-        said = f"its root folder, where episodes and runs are kept, is {str(config.rootpath)!r}, and not {str(root)!r}"
+        said = f"it keeps episodes and runs in {str(config.rootpath)!r} instead of {str(root)!r}"
     else:
         return
     raise UsageError(
-        f"pytest takes {' and '.join(map(repr, taken))} for a place of tests, so that {said}. Write an option and its "
+        f"pytest takes {' and '.join(map(repr, taken))} for a folder of tests, so {said}. Write an option and its "
         "value as one word, as in --drive-store=FOLDER."
     )
 

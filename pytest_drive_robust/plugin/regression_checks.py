@@ -94,7 +94,9 @@ class RegressionChecks:
         known = before.simulator
         mismatch = Mismatch("simulator", f"the simulator was {known} and is {simulator}")
         if known not in (None, simulator) and mismatch.refuses(self._regression.policy):
-            raise UsageError(f"{before.label} cannot be compared with: {mismatch.text}. Give --drive-sim {known}.")
+            raise UsageError(
+                f"this run cannot be compared with {before.label}: {mismatch.text}. Give --drive-sim {known}."
+            )
         return before
 
     def _store(self, document: dict[str, object], *, complete: bool, worse: bool) -> bool:
@@ -118,7 +120,8 @@ class RegressionChecks:
         compared = self._regression.compare
         if worse and self._references.takes(compared, path):
             self._lines.append(
-                f"warning: --drive-compare={compared} takes this run from now on, so that the same once more is green"
+                f"warning: the next run with --drive-compare={compared} compares with this run, and so does not show "
+                "this regression again"
             )
         return False
 

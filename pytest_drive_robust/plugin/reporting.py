@@ -11,7 +11,7 @@ from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
-from pytest_drive_robust.plugin.run_outputs import MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
+from pytest_drive_robust.plugin.run_outputs import BROKEN_TESTS, MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.terminal import is_terminal
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.plugin.verdict_errors import UNHEEDED, is_open
@@ -84,7 +84,7 @@ class ReportingPlugin:
         if report.failed and getattr(report, BROKE, False):
             self._broken_tests[report.nodeid] = None
         told = [value for name, value in report.user_properties if name == UNHEEDED]
-        self._unheeded += [f"{report.nodeid} passed although it was told: {line}" for line in told]
+        self._unheeded += [f"{report.nodeid} passed although drive raised in it: {line}" for line in told]
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_report_teststatus(
@@ -131,9 +131,9 @@ class ReportingPlugin:
 
     def _advice(self, session: pytest.Session) -> str:
         """Return the advice for a run that drove nothing."""
-        if session.testscollected or self._deselected:
-            return SELECT_TESTS
-        return MEND_TESTS if session.testsfailed else WRITE_TESTS
+        if session.testsfailed:
+            return BROKEN_TESTS if session.testscollected else MEND_TESTS
+        return SELECT_TESTS if session.testscollected or self._deselected else WRITE_TESTS
 
     def _why_early(self, session: pytest.Session) -> str:
         """Return how the run ended before all its tests did, such as by `-x`, Ctrl-C or a crash; else `""`."""
@@ -179,7 +179,7 @@ def header(options: RunOptions) -> str:
     """Return the options that decide a run's numbers, in one line. Raises `UsageError` for unknown routes."""
     seeds = ",".join(map(str, options.seeds))
     correction = "" if options.correction == "none" else f" correction={options.correction}"
-    unasked = "" if options.agent_given or options.is_external else " (nobody named one)"
+    unasked = "" if options.agent_given or options.is_external else " (the default)"
     return (
         f"drive-robust: agent={options.agent}{unasked} sim={options.simulator} routes={_routes_in_words(options)} "
         f"seeds={seeds} reading={options.reading} metrics={options.metrics}{correction}"

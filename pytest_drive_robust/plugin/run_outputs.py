@@ -29,6 +29,7 @@ _NOTHING_DRIVEN = (
 SELECT_TESTS = "Select tests that use the drive fixture, or leave --drive-robust out."
 WRITE_TESTS = "No test was found: name the folder of a suite, or write one with `drive-robust init`."
 MEND_TESTS = "Its tests could not be collected: see the errors above."
+BROKEN_TESTS = "Its tests failed before an episode was driven: see the errors above."
 
 T = TypeVar("T")
 

@@ -15,6 +15,7 @@ from typing import Any
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
 from pytest_drive_robust.registry.exits import exits_raised
+from pytest_drive_robust.registry.raised_at import raised_at
 
 KINDS = ("agents", "perturbations", "simulators", "metrics")
 """The kinds of entries; those of a distribution stand in the entry point group `pytest_drive_robust.<kind>`."""
@@ -99,8 +100,8 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
         name, equals, value = option.partition("=")
         if not equals or not value or name in options:
             raise UsageError(
-                f"{option!r} in {agent + ':' + text!r} is not an option of an agent: expected NAME=VALUE, each name "
-                f"once, several with {_BETWEEN!r} between them."
+                f"{option!r} in {agent + ':' + text!r} is not an option of an agent: expected NAME=VALUE, each NAME "
+                f"once, with {_BETWEEN!r} between two options."
             )
         if name not in known:
             raise UnknownNameError.of(f"option of the agent {agent!r}", name, known)
@@ -168,7 +169,7 @@ class Entry:
         except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
             raise PluginError(
                 f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin} does not load: "
-                f"{type(error).__name__}: {error}. {self.advice}"
+                f"{type(error).__name__}: {error}{raised_at(error)}. {self.advice}".rstrip()
             ) from error
         return PartialFactory.of(loaded) if self.kind == "agents" else loaded
 
@@ -187,7 +188,7 @@ def unknown_groups() -> list[PluginError]:
     for group in sorted(installed.groups):
         if group.replace("-", "_").startswith(_GROUP) and group not in known:
             for entry in _declared(group, installed.select(group=group)):
-                what = f"{entry.name!r} from {entry.origin} stands in the entry point group {group!r}, which is none"
+                what = f"{entry.name!r} from {entry.origin} is in an unknown entry point group, {group!r}"
                 told.append(PluginError(f"{what}.{did_you_mean(group, known)} Expected one of {', '.join(known)}."))
     return told
 
@@ -214,7 +215,7 @@ def from_reference(kind: str, reference: str) -> Entry:
     if module.endswith(".py") or "/" in module or os.sep in module:
         proper = module.removesuffix(".py").replace(os.sep, ".").replace("/", ".").strip(".")
         raise UnknownNameError(
-            f"{reference!r} names a file; give the module by its import path, from the current folder: "
+            f"{reference!r} names a file, expected a module as in an import, seen from the current folder. Give "
             f"'{proper}:{attribute}'."
         )
 
@@ -223,7 +224,15 @@ def from_reference(kind: str, reference: str) -> Entry:
         if folder not in sys.path and "" not in sys.path:
             # As `python -m` does. The folder stays on the path: the agent may import modules beside it later.
             sys.path.insert(0, folder)
-        target: object = importlib.import_module(module)
+        try:
+            target: object = importlib.import_module(module)
+        except ModuleNotFoundError as error:
+            if not f"{module}.".startswith(f"{error.name}."):  # a module that `module` imports
+                raise
+            raise PluginError(
+                f"the {kind.removesuffix('s')} {reference!r} needs the module {error.name!r}, which is neither "
+                f"installed nor in the current folder, {folder}."
+            ) from error
         for part in attribute.split("."):
             if not hasattr(target, part):
                 offered = [name for name, value in vars(target).items() if name.isidentifier() and callable(value)]
@@ -232,8 +241,7 @@ def from_reference(kind: str, reference: str) -> Entry:
             target = getattr(target, part)
         return target
 
-    advice = f"The module was looked for among the installed ones and in the current folder, {os.getcwd()}."
-    return Entry(kind, reference, f"module {module}", load, advice)
+    return Entry(kind, reference, f"module {module}", load, advice="")
 
 
 def definition_of(target: object) -> str:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from pytest_drive_robust.errors import DriveRobustError, PluginError
 from pytest_drive_robust.registry.entries import Entry
+from pytest_drive_robust.registry.raised_at import raised_at
 
 
 def _called(entry: Entry) -> str:
@@ -31,7 +32,7 @@ def made_by(entry: Entry, *arguments: object, protocol: type) -> object:
     except DriveRobustError:
         raise
     except (Exception, SystemExit) as error:  # sys.exit() would end a command, with its own exit code
-        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}") from error
+        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}{raised_at(error)}") from error
     if isinstance(made, type):
         raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
     missing = missing_members(made, protocol)

@@ -58,7 +58,7 @@ def _check_is_dataclass(cls: type[Perturbation]) -> None:
     for name, annotation in vars(cls).get("__annotations__", {}).items():
         is_of_class = "ClassVar" in str(annotation) or name.startswith("_") or hasattr(Perturbation, name)
         if name in shown or (name in vars(cls) and not is_of_class):
-            told = f"{cls.__name__} has {name!r}, but is no dataclass, so that it is no severity"
+            told = f"{cls.__name__} has {name!r}, which is no severity, because the class is no dataclass"
             raise PerturbationError(f"{told}: write @dataclass above the class.")
 
 
@@ -68,8 +68,8 @@ def _check_said_fields(cls: type[Perturbation]) -> None:
     said = {"example": [cls.example], "variants": cls.variants.values(), "readings": cls.readings.values()}
     for attribute, several in said.items():
         for name in (name for values in several for name in values if name not in known):
-            expected = ", ".join(known) or "none, as it has no field"
-            told = f"{attribute!r} of {cls.__name__} names {name!r}, which is none of its fields"
+            expected = f"one of {', '.join(known)}" if known else "no name, because the class has no fields"
+            told = f"{attribute!r} of {cls.__name__} names {name!r}, which is not a field of the class"
             raise PerturbationError(f"{told}.{did_you_mean(name, known)} Expected {expected}.")
 
 

@@ -13,6 +13,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.registry.raised_at import raised_at
 
 if TYPE_CHECKING:
     from pluggy import PluginManager
@@ -35,9 +36,8 @@ def plugin_source(plugin: object) -> tuple[str, str]:
     """
     if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
         raise UsageError(
-            f"the plugin {plugin!r} implements {_HOOK} but is not a module in a file, so that the processes that drive "
-            "episodes cannot import it. Register the names in a module or a conftest.py, or give "
-            "--drive-executor inline."
+            f"the plugin {plugin!r} has {_HOOK}, but the worker processes cannot import it, because it is not a module "
+            "in a file. Register the names in a module or a conftest.py, or give --drive-executor inline."
         )
     return plugin.__name__, str(Path(plugin.__file__).absolute())
 
@@ -73,7 +73,7 @@ def register_names_of(word: str, registry: Registry) -> None:
     except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
         raise UsageError(
             f"-p is {word!r}, expected a module that can be imported or the path of a conftest.py: "
-            f"{type(error).__name__}: {error}."
+            f"{type(error).__name__}: {error}{raised_at(error)}."
         ) from error
     if not hasattr(module, _HOOK):
         raise UsageError(f"-p is {word!r}, which registers no names: it has no function {_HOOK}(registry).")
@@ -83,7 +83,7 @@ def register_names_of(word: str, registry: Registry) -> None:
         raise
     except BaseException as error:  # it may also call sys.exit()
         raise UsageError(
-            f"-p is {word!r}, whose {_HOOK}{_signature(module)} raised {type(error).__name__}: {error}"
+            f"-p is {word!r}, but its {_HOOK}{_signature(module)} raised {type(error).__name__}: {error}"
             f"{_place_in(module, error)}. Expected {_HOOK}(registry), which registers names."
         ) from error
 

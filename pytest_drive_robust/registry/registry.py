@@ -44,6 +44,8 @@ from pytest_drive_robust.registry.perturbation_classes import check_told_apart, 
 from pytest_drive_robust.registry.unknown_names import (
     declared_twice,
     is_misspelt,
+    is_module,
+    takes_nothing,
     unknown_agent_with_options,
     unknown_name,
 )
@@ -209,8 +211,11 @@ class Registry:
         if name not in known:
             if takes_options:
                 raise unknown_agent_with_options(name, known)
-            if kind in ("agents", "simulators") and is_reference(name) and not is_misspelt(bare, known):
-                return from_reference(kind, name)
+            if kind in ("agents", "simulators") and is_reference(name):
+                if bare in known and not is_module(bare):
+                    raise takes_nothing(kind, bare, argument)
+                if not is_misspelt(bare, known):
+                    return from_reference(kind, name)
             raise unknown_name(kind, name, known)
         if len(known[name]) > 1:
             raise declared_twice(known[name])
@@ -236,9 +241,9 @@ class Registry:
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
-            raise UsageError(f"{name!r} cannot name one of our {kind}: expected text without ':' or outer spaces.")
+            raise UsageError(f"{name!r} cannot be a name of {kind}: expected text without ':' or outer spaces.")
         if not callable(target):
-            raise UsageError(f"{name!r} of {kind} is registered with {target!r}, expected a class or a function.")
+            raise UsageError(f"{name!r} is registered among the {kind} as {target!r}, expected a class or a function.")
         definition = definition_of(target)
         known = self._registered.get((kind, name))
         if known is not None and known.origin != definition:  # equal: a conftest.py was imported once more
@@ -307,6 +312,6 @@ def _metric_name_problem(name: str) -> str:
         return ""
     plain = re.sub(r"\W+", "_", name).strip("_") or "my_metric"
     return (
-        f"{name!r} cannot name a metric: no sentence could ask for it, as a metric is one word without '#', '<=' and "
-        f"'>='. Call it {plain!r}, say."
+        f"{name!r} cannot name a metric: in a requirement a metric is one word without '#', '<=' and '>='. Call it "
+        f"{plain!r}, for example."
     )

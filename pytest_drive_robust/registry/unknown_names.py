@@ -5,14 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 
-from pytest_drive_robust.errors import PluginError, UnknownNameError, nearest
+from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError, nearest
 from pytest_drive_robust.registry.built_in import BUILT_IN
 from pytest_drive_robust.registry.entries import Entry, unknown_groups
 
 _HINTS: Mapping[str, str] = {
     "agents": "Give 'module:Class' to use your own, install a distribution that brings agents "
-    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register "
-    "(drive-robust reads that of a conftest.py with -p conftest.py).",
+    "(pip install drive-robust-agents), or register one in pytest_drive_robust_register of your conftest.py "
+    "(drive-robust COMMAND reads it with -p conftest.py).",
     "perturbations": "Register your own in pytest_drive_robust_register with registry.register_perturbation.",
     "simulators": "Give 'module:Class' to use your own, or register one in pytest_drive_robust_register.",
     "metrics": "Register your own in pytest_drive_robust_register with registry.register_metric.",
@@ -32,7 +32,7 @@ def unknown_agent_with_options(name: str, known: Mapping[str, Sequence[Entry]]) 
     """Return the error for an unknown agent whose name has options, as in `blid:speed=8`."""
     bare, _, argument = name.partition(":")
     factory, _, options = argument.partition(":")
-    own = f"Options follow a registered name: register {bare}:{factory} under one, then give NAME:{options}."
+    own = f"Options need a registered name: register {bare}:{factory} under a NAME of yours, then give NAME:{options}."
     return UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS["agents"])
 
 
@@ -41,7 +41,7 @@ def declared_twice(entries: Sequence[Entry]) -> PluginError:
     told = f"{entries[0].name!r} of {entries[0].kind} is declared by {' and '.join(entry.origin for entry in entries)}."
     if entries[0].origin == BUILT_IN:
         return PluginError(
-            f"{told} What is built in keeps its meaning: uninstall the other, or have it choose another name."
+            f"{told} The built-in one keeps the name: uninstall the other distribution, or change the name in it."
         )
     return PluginError(
         f"{told} Uninstall one of them, or decide by registering the name in pytest_drive_robust_register of your "
@@ -51,11 +51,25 @@ def declared_twice(entries: Sequence[Entry]) -> PluginError:
 
 def is_misspelt(bare: str, known: Mapping[str, Sequence[Entry]]) -> bool:
     """Return whether `bare`, the text before a colon, resembles a name that takes an argument, and is no module."""
+    close = nearest(bare, [name for name in known if known[name][0].argument])
+    return close is not None and not is_module(bare)
+
+
+def is_module(bare: str) -> bool:
+    """Return whether `bare` can be a module: it lies in the current folder, is installed, or is in a package."""
     import importlib.util
 
-    close = nearest(bare, [name for name in known if known[name][0].argument])
     here = os.path.exists(f"{bare}.py") or os.path.exists(bare)  # the current folder may not be on sys.path yet
-    return close is not None and not here and "." not in bare and importlib.util.find_spec(bare) is None
+    return here or "." in bare or importlib.util.find_spec(bare) is not None
+
+
+def takes_nothing(kind: str, bare: str, argument: str) -> UsageError:
+    """Return the error for a known name that takes neither an argument nor this option."""
+    if kind == "agents":
+        return UsageError(
+            f"the agent {bare!r} has no option {argument!r}: give options as {bare}:NAME=VALUE, or leave them out."
+        )
+    return UsageError(f"the simulator {bare!r} takes nothing after a colon, but was given {argument!r}: give {bare}.")
 
 
 def _module_here(kind: str, name: str) -> str:

@@ -83,8 +83,8 @@ def bless(
 def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str, str]) -> None:
     if environ.get("CI"):
         raise UsageError(
-            "CI is set in the environment, and CI never blesses: a baseline is accepted by a person. Fetch the run, "
-            "bless it at your desk and commit the file."
+            "the environment variable CI is set, and CI never blesses: a person accepts a baseline. Fetch the run, "
+            "bless it on your own machine and commit the file."
         )
     if not signature.reason.strip():
         raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
@@ -98,8 +98,8 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
     if stopped:
         others = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
         raise UsageError(
-            f"{run.label} was driven until its verdicts were in, on {stopped[0]}{others}: later runs cannot be judged "
-            "against that. Drive it with --drive-save, or with --drive-verdict=point."
+            f"{run.label} was driven only until its verdicts were clear, on {stopped[0]}{others}: later runs cannot be "
+            "judged against that. Drive it with --drive-save, or with --drive-verdict=point."
         )
     if run.ended_early:
         raise UsageError(
@@ -119,8 +119,8 @@ def _require_same_routes(old: Baseline, new: Baseline) -> None:
     if others:
         _, setting, route_id = others[0]
         raise UsageError(
-            f"{len(others)} routes are others than the blessed ones of the same id, first {route_id!r} under "
-            f"{setting}. Give --replace-routes when the routes were changed on purpose."
+            f"{len(others)} routes differ from the blessed routes of the same id, first {route_id!r} under "
+            f"{setting}. Give --replace-routes if you changed the routes on purpose."
         )
 
 

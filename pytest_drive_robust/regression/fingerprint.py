@@ -68,7 +68,7 @@ class Mismatch:
 
     kind: Kind
     text: str
-    advice: str = "Drive both runs with the same"
+    advice: str = "Drive both runs in the same way"
 
     def refuses(self, policy: MismatchPolicy) -> bool:
         """Return whether the comparison is forbidden. A changed agent never is: a comparison is made to judge it."""
@@ -113,9 +113,9 @@ def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
         if name in MACHINE_FACTS:
             yield Mismatch(
                 "versions",
-                f"these bits depend on the machine, whose {MACHINE_FACTS[name]} computes otherwise: the same agent may "
-                "score a little differently here; drive-robust replay FILE.episode --stored-controls drives a stored "
-                "episode again to the same bits anywhere",
+                f"the {MACHINE_FACTS[name]} of this machine gives other bits than that of the other machine: the same "
+                "agent may score a little differently here; drive-robust replay FILE.episode --stored-controls drives "
+                "a stored episode again to the same bits anywhere",
             )
         else:
             yield Mismatch("versions", f"{name} was {was} and is {now}")
@@ -124,10 +124,10 @@ def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
 def _agents(before: AgentPrint, after: AgentPrint, agent: str) -> Iterable[Mismatch]:
     changes = []
     if before.distribution != after.distribution and before.distribution and after.distribution:
-        changes.append(f"{before.distribution} is {after.distribution}")
+        changes.append(f"{before.distribution} became {after.distribution}")
     for what in ("source", "weights"):
         was, now = getattr(before, what), getattr(after, what)
         if was != now and (was or what == "weights"):
-            changes.append(f"{what} {was or 'unknown'} is {now or 'unknown'}")
+            changes.append(f"{what} {was or 'unknown'} became {now or 'unknown'}")
     if changes:
         yield Mismatch("agent", f"the agent {agent} changed: {', '.join(changes)}")

@@ -92,9 +92,11 @@ class RegressionOptions:
         options = cls(home=config.rootpath, **read_fields(cls, config))
         for flag in ("--drive-fail-on", "--drive-on-mismatch"):
             if not options.compare and asked_for(flag, config):
-                raise UsageError(f"{flag} says how runs are compared: give --drive-compare RUN, too, or leave it out.")
+                raise UsageError(f"{flag} says how runs are compared. Add --drive-compare RUN, or leave {flag} out.")
         if not options.compare and asked_for("--drive-baselines", config):
-            raise UsageError("--drive-baselines is read to compare: give --drive-compare, too, or leave it out.")
+            raise UsageError(
+                "--drive-baselines is read to compare runs. Add --drive-compare, or leave --drive-baselines out."
+            )
         return options
 
     @property

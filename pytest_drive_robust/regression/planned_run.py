@@ -96,6 +96,6 @@ def _nothing_in_common(before: Snapshot, planned: Collection[tuple[str, str]]) -
     asked = first_few([f"{agent} under {setting}" for agent, setting in planned], _MOST_CELLS)
     held = first_few([f"{agent} under {setting}" for agent, setting in before.cells], _MOST_CELLS)
     return (
-        f"{_LABEL} could not be compared with {before.label}, with which it has no agent, setting and route in common: "
-        f"it drives {asked}; {before.label} holds {held or 'nothing'}."
+        f"{_LABEL} could not be compared with {before.label}: they have no agent, setting and route in common. "
+        f"{_LABEL.capitalize()} drives {asked}; {before.label} holds {held or 'nothing'}."
     )

@@ -94,8 +94,8 @@ def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> 
     if stopped:
         more = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
         raise UsageError(
-            f"the run {run.label!r} was driven until its verdicts were in: {agent} on {stopped[0]}{more}. Which routes "
-            "it drove depends on the limits that it had, so it gives no others. Drive it with --drive-save or "
+            f"the run {run.label!r} was driven only until its verdicts were clear: {agent} on {stopped[0]}{more}. Its "
+            "limits decided which routes it drove, so it gives no new limits. Drive it with --drive-save or "
             "--drive-verdict=point."
         )
 

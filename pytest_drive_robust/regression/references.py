@@ -194,7 +194,7 @@ class References:
         path = Path(reference)
         if reference == AUTO or reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
             what = "may stand for a baseline" if reference == AUTO else "is a baseline"
-            raise UsageError(f"{reference!r} {what}, expected a run. `drive-robust runs list` shows them.")
+            raise UsageError(f"{reference!r} {what}, expected a run. `drive-robust runs list` shows the runs.")
         return self.load(reference)
 
     def document(self, reference: str) -> dict[str, Any] | None:
@@ -237,7 +237,9 @@ class References:
                 raise UnknownNameError.of("baseline of an agent", agent, known, hint="`drive-robust bless` writes one.")
             found = [baseline for baseline in found if baseline.agent == agent]
         if not found:
-            raise UsageError(f"no baseline was blessed yet: {str(self.baselines)!r} holds none.")
+            raise UsageError(
+                f"no baseline was blessed yet: {str(self.baselines)!r} holds none. Write one with `drive-robust bless`."
+            )
         return blessed_snapshot(found, simulator=simulator, label=f"{_BASELINE}:{agent}" if agent else _BASELINE)
 
     def _file(self, path: Path, simulator: str | None) -> Snapshot:

@@ -107,7 +107,7 @@ def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
     """Yield a mismatch when verdicts of the run were reached without some routes of these cells."""
     told = [f"{routes} under {cell.setting}" for cell in cells for routes in cell.stopped]
     if told:
-        text = f"{label} was driven until its verdicts were in, which says nothing about two runs"
+        text = f"{label} was driven only until its verdicts were clear, so its scores cannot be compared"
         yield Mismatch(
             "routes", f"{text}: {_first_of(told)}", "Drive that run with --drive-save or --drive-verdict=point"
         )
@@ -126,7 +126,7 @@ def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
     others = [route for route, was, now in shared if was and now and was != now]
     if others:
         shown = first_few(others, _MOST_ROUTES)
-        yield Mismatch("routes", f"{len(others)} of {len(shared)} routes are others by the same id: {shown}")
+        yield Mismatch("routes", f"{len(others)} of {len(shared)} routes have changed under the same id: {shown}")
 
 
 def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:

@@ -58,7 +58,7 @@ def plan_text(
 
 def _sentence(left: int, most: int, held_s: list[float], unknown: list[str], slots: int) -> str:
     if not most:
-        return "Every verdict is in: nothing would be driven."
+        return "Every episode that the verdicts need is stored: nothing would be driven."
     driven = f"{counted(most, 'episode')} would be driven"
     if left < most:
         driven = f"About {left} episodes would be driven (at most {most}: a verdict takes as many as it needs)"

@@ -116,9 +116,9 @@ def footnotes(run: RunResult) -> list[str]:
     if any(row.is_partial for row in run.rows):
         confidence = 1.0 - 2.0 * run.options.verdict_rule.alpha
         lines.append(
-            "'n/m' routes: the verdicts were in after n of m routes; in brackets what DS and RD may be on routes like "
-            f"these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All "
-            "routes, with efficiency and comfort: --drive-verdict=point"
+            "'n/m' routes: the verdicts were clear after n of m routes; in brackets what DS and RD may be on routes "
+            f"like these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. "
+            "All routes, with efficiency and comfort: --drive-verdict=point"
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
@@ -154,8 +154,8 @@ def _several(run: RunResult) -> list[str]:
         lines.append(f"  'any fails' is wrong at most {alpha:.0%} of the time (Holm over {max(count, planned)})")
         if count > planned:
             lines.append(
-                f"  but only {planned} were counted when the tests were collected, so fails shown before the end stand "
-                f"among {planned}: give requirements to tests as parameters"
+                f"  but only {planned} were counted when the tests were collected, so fails before the end were "
+                f"corrected for {planned}: give requirements to tests as parameters"
             )
     if others:
         lines.append(f"  {others} more by the rules list and point, which speak of these routes only, or not judged")
@@ -183,13 +183,13 @@ def _mistaken(run: RunResult) -> list[str]:
         if judged.comparison != better:
             meant = "less" if better == "<=" else "more"
             lines.append(
-                f"warning: {judged.requirement} is passed by the worse of two agents, as {meant} {judged.metric} is "
-                f"better: was '{better}' meant?"
+                f"warning: {judged.requirement} lets the worse of two agents pass, because {meant} {judged.metric} is "
+                f"better. Did you mean '{better}'?"
             )
         elif judged.metric == "DS" and 0.0 < judged.limit < 1.0:
             lines.append(
-                f"warning: {judged.requirement} is hardly a limit, as DS is 0 to 100: was {100.0 * judged.limit:g} "
-                "meant?"
+                f"warning: {judged.requirement} is hardly a limit, because DS is 0 to 100. Did you mean "
+                f"{100.0 * judged.limit:g}?"
             )
     lines = list(dict.fromkeys(lines))
     hidden = len(lines) - _MAX_ERRORS

@@ -124,9 +124,9 @@ class Scopes:
             changed = states != self._weights[agent] and self._made_identity(agent) != self._identities[agent]
         if changed:
             raise UsageError(
-                f"the weights of the agent {agent!r} changed after the tests were collected, when its stored episodes "
-                "were looked for by their content. Let them be written before pytest starts, or as its conftest.py is "
-                "loaded, and by nobody while it runs."
+                f"the weights of the agent {agent!r} changed after the tests were collected. Stored episodes are found "
+                "by the content of the weights, so the weights must not change during a run. Write them before pytest "
+                "starts, or while conftest.py is imported."
             )
         self._weights[agent] = states  # rewritten with the same content
 
@@ -143,9 +143,9 @@ class Scopes:
             edited = [file for file in python_files(factory) if os.stat(file).st_mtime > self._began_s]
             if edited:
                 raise UsageError(
-                    f"{edited[0]}, a file of the agent {agent!r}, changed after the tests were collected, when its "
-                    "stored episodes were looked for by their content. Run again, and let nobody edit it before the "
-                    "first episode begins."
+                    f"{edited[0]}, a file of the agent {agent!r}, changed after the tests were collected. Stored "
+                    "episodes are found by the content of such files. Run again, and edit no file of the agent before "
+                    "the first episode begins."
                 )
 
     def identify(self, scope: Scope) -> Identified:

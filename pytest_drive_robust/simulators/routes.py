@@ -111,7 +111,7 @@ def _select(routes: tuple[Route, ...], ids: str, source: str) -> tuple[Route, ..
     for name in wanted:
         if name not in by_id:
             hint = f"`drive-robust routes list {source}` shows them."
-            raise UnknownNameError.of(f"route in {source}", name, by_id, hint=hint)
+            raise UnknownNameError.of(f"route of {source!r}", name, by_id, hint=hint)
     return tuple(by_id[name] for name in dict.fromkeys(wanted))
 
 

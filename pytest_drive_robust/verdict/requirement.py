@@ -92,7 +92,7 @@ class Requirement:
         limit = _checked_limit(metric, comparison, limit)
         if metric.needs_clean and setting == setting.baseline:
             raise RequirementError(
-                f"{metric} under {setting} is always 0, because it compares with {setting.baseline}. "
+                f"{metric} under {setting} is always 0, because {metric} compares with {setting.baseline}. "
                 f"Name a perturbation ('{metric} under 200 ms latency {comparison} 0.30') or ask for a "
                 "driving score ('DS under clean >= 60')."
             )

@@ -53,8 +53,9 @@ def requirements(text: str | Path, *more: str, known: Known | None = None) -> li
     for given in (text, *more):
         if not isinstance(given, str if more else (str, Path)):
             raise RequirementError(
-                f"requirements() was given a {type(given).__name__}. Expected a text with one sentence a line, as in "
-                f"requirements('{_EXAMPLE}'), several such texts, or a file, as in requirements(Path('limits.txt'))."
+                f"requirements() was given a value of type {type(given).__name__}. Expected a text with one sentence a "
+                f"line, as in requirements('{_EXAMPLE}'), several such texts, or a file, as in "
+                "requirements(Path('limits.txt'))."
             )
     from_registry = known is None
     known = default_registry().perturbations() if known is None else known
@@ -201,7 +202,8 @@ def _ladder(words: str, known: Known) -> Ladder:
     if len(graded) > 1:
         names = " and ".join(cls.__name__ for cls in graded)
         raise RequirementError(
-            f"{words!r} may be {names}. Say which by its sentence, as in '{_EXAMPLE}', or give one another phrase."
+            f"{words!r} may be {names}. Name the failure by its sentence, as in '{_EXAMPLE}', or give one of them "
+            "another phrase."
         )
     try:
         return ladder_of(graded[0], dt_s=ANY_TICK_S)

@@ -202,7 +202,7 @@ def test_a_fork_server_that_is_killed_while_it_loads_is_started_again() -> None:
             "def tell(*error): time.sleep(0.5); traceback.print_exception(*error)\n"
             "gc.collect, sys.excepthook = collect, tell\n",
             PATIENCE_S,
-            "died while it was getting ready. It said: RuntimeError: no home",
+            "died while it was getting ready. Its last line: RuntimeError: no home",
         ),
         ("print('waits')\nimport time\ntime.sleep(600)\n", 0.5, "was not ready within 0.5 s."),
     ],

@@ -57,7 +57,9 @@ def test_sets_it(drive, monkeypatch):
     options = ("--drive-agent", "reading", "--drive-executor", executor, "--drive-workers", "1", "-W", "default")
     result = run(suite(test=test, conftest=reading), *options)
     result.assert_outcomes(passed=1, warnings=1)
-    result.stdout.fnmatch_lines(["*drive-robust: changed since * not for the agent, *of then: HOW_FAST. Set it *"])
+    result.stdout.fnmatch_lines(
+        ["*drive-robust: environment variables changed after *: HOW_FAST. The agent does not see *"]
+    )
 
 
 @pytest.mark.parametrize("executor", ["inline", "processes"])

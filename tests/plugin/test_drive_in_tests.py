@@ -61,7 +61,7 @@ def test_it(drive):
 """
     result = run(suite(test=test), *args)
     assert result.ret == 0
-    warning = "warning: test_suite.py::test_it passed although it was told: "
+    warning = "warning: test_suite.py::test_it passed although drive raised in it: "
     assert (f"{warning}{told}" in " ".join(result.outlines)) is (told is not None)
 
 
@@ -105,7 +105,7 @@ def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
     result.stdout.fnmatch_lines(
         [
             "ERROR: not judged: DS under clean >= 90",
-            "the test ended without it. Call drive.check(requirement), or skip the test.",
+            "the test ended without judging it. Call drive.check(requirement), or skip the test.",
             "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
         ]
     )
@@ -177,7 +177,7 @@ def test_of_one_light(drive):
 def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
     result = run(suite(test=f"def test_it(drive):\n    drive.{call}('DS under clean >= 1')\n"))
     result.assert_outcomes(failed=1)
-    result.stdout.fnmatch_lines([f"E*drive.{call} expects a requirement, as requirements(...) gives them, not 'DS*"])
+    result.stdout.fnmatch_lines([f"E*drive.{call} was given 'DS*, expected a Requirement: *"])
 
 
 @pytest.mark.parametrize(

@@ -227,7 +227,7 @@ def test_results_that_do_not_say_how_many_were_planned_are_told(results, pyteste
 def test_a_plan_finds_everything_there(results):
     result = results(BOTH, "--drive-plan")
     assert result.ret == 0
-    result.stdout.fnmatch_lines(["Every verdict is in: nothing would be driven."])
+    result.stdout.fnmatch_lines(["Every episode that the verdicts need is stored: nothing would be driven."])
 
 
 def test_a_part_of_an_evaluation_that_is_empty_is_none_that_ended(results, pytester):

@@ -36,7 +36,7 @@ def test_where_the_verdict_is_in_nothing_is_left(plan, pytester, driven):
     assert 0 < took < 60
     *_, row, last, _ = plan()
     assert row.split() == ["steady", "clean", "60", str(took), "0"]
-    assert last == "Every verdict is in: nothing would be driven."
+    assert last == "Every episode that the verdicts need is stored: nothing would be driven."
 
 
 def test_another_rule_takes_what_it_takes_beyond_what_is_stored(plan, pytester, driven):
@@ -51,4 +51,4 @@ def test_a_suite_that_asks_for_nothing_has_an_empty_plan(suite):
     project = suite(test="def test_nothing():\n    pass\n")
     result = project.runpytest_inprocess("--drive-robust", "--drive-plan")
     assert "INTERNALERROR" not in "\n".join((*result.outlines, *result.errlines))
-    assert "Every verdict is in: nothing would be driven." in result.outlines
+    assert "Every episode that the verdicts need is stored: nothing would be driven." in result.outlines

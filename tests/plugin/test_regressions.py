@@ -113,7 +113,7 @@ def test_a_worse_agent_is_red_although_its_requirements_hold(both, workers):
     result.stdout.fnmatch_lines(
         [
             "*compared with before*",
-            "note: the agent steady changed: source * is *",
+            "note: the agent steady changed: source * became *",
             "steady under *: 3 of 3 routes changed",
             "  broken: DS drops by 5 % at most; *",
             "  newly failing: * Straight",
@@ -165,7 +165,7 @@ def test_a_worse_run_that_the_next_one_is_compared_with_says_so(suite, compare, 
     slow_down(folder)
     worse = run(folder, f"--drive-compare={compare}", f"--drive-save={save}")
     assert worse.ret == 1
-    warning = f"warning: --drive-compare={compare} takes this run from now on, so that the same once more is green"
+    warning = f"warning: the next run with --drive-compare={compare} compares with this run, and so does not show "
     assert (warning in worse.outlines) is told
     assert run(folder, f"--drive-compare={compare}").ret == (0 if told else 1)
 
@@ -190,19 +190,19 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-save=latest",), "is a reserved word"),
         (("--drive-fail-on=ds:+5%",), "--drive-fail-on is 'ds:+5%', but DS gets worse"),
         (("--drive-on-mismatch=wrn",), "Did you mean 'warn'?"),
-        (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared: give --drive-compare RUN, too"),
+        (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared. Add --drive-compare RUN, or"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
-        (("--drive-agent", ""), "--drive-agent is empty, expected NAME: the agent under test. Left out"),
-        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: the agent under test. Left out"),
+        (("--drive-agent", ""), "--drive-agent is empty, expected NAME: drive this agent: "),
+        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: drive this agent: "),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
         (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' from module aaa"),
-        (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs a process for each episode"),
-        (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs a process for each episode"),
+        (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs worker processes"),
+        (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs worker processes"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
         (("--drive-waivers=none.toml",), "there is no file"),
-        (("--drive-baselines=blessed",), "--drive-baselines is read to compare: give --drive-compare, too"),
+        (("--drive-baselines=blessed",), "--drive-baselines is read to compare runs. Add --drive-compare"),
         (("--drive-b2d-root=x",), "--drive-b2d-root needs --drive-sim bench2drive: add that, or leave"),
         (("--drive-b2d-python=python3",), "--drive-b2d-python needs --drive-sim bench2drive"),
         (("--drive-sim=bench2driv",), "there is no simulator named 'bench2driv'. Did you mean 'bench2drive'?"),
@@ -242,7 +242,7 @@ def test_a_run_of_another_simulator_is_refused_before_anything_was_driven(suite,
     (folder.path / "driven.log").unlink()
     result = run(folder, "--drive-sim=broken", "--drive-compare=before")
     assert result.ret == 4
-    result.stderr.fnmatch_lines(["*before cannot be compared with: the simulator was fake and is broken*"])
+    result.stderr.fnmatch_lines(["*this run cannot be compared with before: the simulator was fake and is broken*"])
     assert driven() == []
 
 
@@ -261,7 +261,9 @@ def test_routes_that_became_others_refuse_the_comparison(suite, driven, workers)
     run(folder, "--drive-save=before")
     save_routes([fake_route(str(number), length_m=7.0) for number in (1, 2, 3)], folder.path / "routes.xml")
     told = refused(folder, driven, "--drive-compare=before", *workers)
-    assert "could not be compared with before: 3 of 3 routes are others by the same id: 1, 2, 3. Drive both" in told
+    assert (
+        "could not be compared with before: 3 of 3 routes have changed under the same id: 1, 2, 3. Drive both" in told
+    )
     assert "or give --drive-on-mismatch=warn" in told
     assert run(folder, "--drive-compare=before", "--drive-on-mismatch=warn").ret == 0
 
@@ -346,7 +348,7 @@ def test_other_versions_are_refused_before_driving_where_that_was_asked_for(suit
 def test_a_run_with_nothing_in_common_is_refused(both, driven):
     run(both, "--drive-save=before", "-k", "clean")
     told = refused(both, driven, "--drive-compare=before", "-k", "0.9")
-    assert "with which it has no agent, setting and route in common: it drives steady under throttle 0.9" in told
+    assert "they have no agent, setting and route in common. This run drives steady under throttle 0.9" in told
     assert "before holds steady under clean." in told
 
 
@@ -514,7 +516,7 @@ def test_a_run_that_stopped_at_its_verdicts_is_no_reference(suite, driven):
     many_routes(folder)
     run(folder, EVIDENCE, "--drive-json=early.json")
     told = refused(folder, driven, EVIDENCE, "--drive-compare=early.json")
-    assert "with early.json: early.json was driven until its verdicts were in" in told
+    assert "with early.json: early.json was driven only until its verdicts were clear" in told
     assert "Drive that run with --drive-save or --drive-verdict=point, or" in told
     run(folder, "--drive-verdict=point", "--drive-json=whole.json")
     assert run(folder, EVIDENCE, "--drive-compare=whole.json").ret == 0

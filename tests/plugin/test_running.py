@@ -178,7 +178,7 @@ def test_the_header_tells_where_nobody_named_an_agent(suite):
     ini = folder.path / "tox.ini"
     ini.write_text(ini.read_text().replace("drive_agent = steady\n", ""))
     result = run(folder, "--collect-only")
-    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (nobody named one) sim=fake *"])
+    result.stdout.fnmatch_lines(["drive-robust: agent=tcp (the default) sim=fake *"])
 
 
 def test_without_a_terminal_the_exit_code_is_still_right(suite):

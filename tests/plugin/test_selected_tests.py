@@ -79,6 +79,12 @@ def test_where_tests_could_not_be_collected_the_next_step_is_to_mend_them(suite)
     result.stdout.fnmatch_lines(["NOT GREEN: * Its tests could not be collected: see the errors above."])
 
 
+def test_where_tests_broke_before_they_drove_the_next_step_is_to_read_their_errors(suite):
+    result = run(suite(test="def test_it(drive):\n    drive.check('DS under clean >= 90')\n"))
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(["NOT GREEN: * Its tests failed before an episode was driven: see the errors above."])
+
+
 def test_where_tests_were_left_out_the_next_step_is_to_select_some(suite):
     result = run(suite("DS under clean >= 90"), "-k", "nothing_of_that_name")
     assert result.ret == 5

@@ -139,7 +139,10 @@ def test_a_margin_that_is_not_met_fails_also_where_its_search_cannot_be_finished
     result = run(folder, "--drive-verdict", "point", "--drive-budget", "0.001s")
     result.assert_outcomes(failed=1)
     result.stdout.fnmatch_lines(
-        ["RD under throttle 0.1 = *", "  how far the agent gets is not known: the budget of 0.001 s is used up *"]
+        [
+            "RD under throttle 0.1 = *",
+            "  the largest severity that holds is not known: the budget of 0.001 s is used up *",
+        ]
     )
 
 

@@ -100,7 +100,7 @@ def test_a_store_outside_that_would_hide_the_ini_file_is_refused(rerun, below, m
     result = rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store", "../store"]))
     told = "\n".join(result.errlines)
     assert result.ret == 4
-    assert f"takes '../store' for a place of tests, so that it reads no ini file, and not '{below}/tox.ini'" in told
+    assert f"takes '../store' for a folder of tests, so it reads no ini file instead of '{below}/tox.ini'" in told
     assert "as one word, as in --drive-store=FOLDER." in told
     monkeypatch.setenv("PYTEST_ADDOPTS", addopts.replace(" ", "="))
     assert rerun.folder.runpytest_inprocess(*line, *([] if addopts else ["--drive-store=../store"])).ret == 0
@@ -126,7 +126,7 @@ def test_nothing_is_stored_where_the_value_of_an_option_has_moved_the_root_folde
     moved = rerun.folder.runpytest_inprocess(*line, *options.split(), *again.split())
     mended = rerun.folder.runpytest_inprocess(*line, options.replace(" ", "="), *again.split())
     assert [drove.ret, moved.ret, mended.ret] == [0, 4, 0]
-    said = f"its root folder, where episodes and runs are kept, is '{below.parent}', and not '{below}'"
+    said = f"it keeps episodes and runs in '{below.parent}' instead of '{below}'"
     assert said in "".join(moved.errlines)
     assert len((below / "driven.log").read_text().splitlines()) == 6, "the third run drives nothing"
 

@@ -45,7 +45,7 @@ def test_workers_report_usage_errors_by_whatever_name_xdist_is_loaded(suite, mon
         ("uniad:engine=onx", "Did you mean 'onnx'?"),
         ("simlingo:commentary=true+position_filter=elapst", "Did you mean 'elapsed'?"),
         ("simlingo:instruction=drive at warp 8", "drive at"),
-        ("my_agent:MyAgent:speed=8", "Options follow a registered name: register my_agent:MyAgent under one"),
+        ("my_agent:MyAgent:speed=8", "Options need a registered name: register my_agent:MyAgent under a NAME"),
     ],
 )
 def test_a_value_that_an_agent_would_not_take_is_refused_before_anything_ran(suite, driven, agent, message):

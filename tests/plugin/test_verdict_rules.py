@@ -119,8 +119,9 @@ def test_single(drive):
     ("options", "message"),
     [
         (("--drive-verdict", "evidance"), "Did you mean 'evidence'?"),
-        (("--drive-margin", "wide"), "expected a number between 0 and 1"),
-        (("--drive-margin", "1.5"), "expected a number between 0 and 1"),
+        (("--drive-margin", "wide"), "expected a number, as in --drive-margin 0.10"),
+        (("--drive-alpha", "small"), "expected a number, as in --drive-alpha 0.05"),
+        (("--drive-margin", "1.5"), "expected a number between 0 and 1. Set it with --drive-margin."),
         (("--drive-alpha", "0.7"), "expected a number between 0 and 0.5"),
         (("--drive-inconclusive", "ignore"), "warn"),
     ],

@@ -58,7 +58,7 @@ def test_tests_of_a_project_with_a_fixture_called_drive_run(suite, driven):
 def test_an_option_that_is_typed_without_the_switch_is_refused(suite, option):
     result = suite("DS under clean >= 90").runpytest_inprocess(*option)
     assert result.ret == 4
-    result.stderr.fnmatch_lines([f"ERROR: {option[0]} has no effect without --drive-robust: give that, too*"])
+    result.stderr.fnmatch_lines([f"ERROR: {option[0]} has no effect without --drive-robust. Add --drive-robust, or*"])
 
 
 def test_options_for_every_run_do_not_need_the_switch(suite, monkeypatch):
@@ -80,7 +80,7 @@ def test_help_lists_every_option_in_a_group_of_its_own(suite):
     result = suite().runpytest_inprocess("--help")
     result.stdout.fnmatch_lines(
         [
-            "drive-robust: closed-loop robustness requirements:",
+            "drive-robust: closed-loop robustness requirements *drive_agent for --drive-agent*:",
             "*--drive-robust *",
             "*--drive-agent=NAME*",
             "*--drive-routes=SPEC*",

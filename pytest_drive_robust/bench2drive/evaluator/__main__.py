@@ -46,24 +46,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m pytest_drive_robust.bench2drive.evaluator", description=__doc__)
-    run = parser.add_subparsers(required=True, metavar="COMMAND").add_parser("run", help="drive routes; resumes")
+    run = parser.add_subparsers(required=True, metavar="COMMAND").add_parser("run", help="drive routes; again: go on")
     run.add_argument("--root", required=True, type=Path, metavar="BENCH2DRIVE", help="a checkout of Bench2Drive")
     run.add_argument("--agent", required=True, metavar="FILE.py[+CONFIG]", help="an official agent")
     run.add_argument(
-        "--setting", default="clean", help="a sentence (200 ms latency), or env: the released code's variables"
+        "--setting",
+        default="clean",
+        help="drive under this: a sentence (200 ms latency), or env: the environment variables of the released code",
     )
-    run.add_argument("--seed", type=int, default=0, help="of the perturbations and the traffic; default: 0")
-    run.add_argument("--routes", metavar="FILE.xml[:id,id]", help="default: the 220 of the checkout")
-    run.add_argument("--out", type=Path, default=Path("bench2drive-runs"), metavar="FOLDER", help="where results go")
-    run.add_argument("--carla-root", type=Path, metavar="FOLDER", help="default: the variable CARLA_ROOT")
-    run.add_argument("--python", default="", metavar="FILE", help="the agent's Python; default: this one")
+    run.add_argument("--seed", type=int, default=0, help="seed of the perturbations and the traffic; default: 0")
+    run.add_argument("--routes", metavar="FILE.xml[:id,id]", help="drive these; default: the 220 of the checkout")
+    run.add_argument(
+        "--out", type=Path, default=Path("bench2drive-runs"), metavar="FOLDER",
+        help="write results here; default: bench2drive-runs",
+    )  # fmt: skip
+    run.add_argument(
+        "--carla-root", type=Path, metavar="FOLDER", help="the folder of CARLA; default: the variable CARLA_ROOT"
+    )
+    run.add_argument(
+        "--python", default="", metavar="FILE", help="the Python of the agent's environment; default: this one"
+    )
     run.add_argument(
         "--gpu", type=int, action="append", metavar="N",
-        help="repeatable; slots use them in turn; default: those of CUDA_VISIBLE_DEVICES, else 0",
+        help="use this GPU; repeatable, slots use them in turn; default: those of CUDA_VISIBLE_DEVICES, else 0",
     )  # fmt: skip
     run.add_argument("--slots", type=int, default=1, metavar="N", help="evaluators at a time; default: 1")
-    run.add_argument("--port", type=int, default=DEFAULT_PORT, metavar="N", help="of the first server; default: 2000")
-    run.add_argument("--tries", type=int, default=3, metavar="N", help="after harness errors; default: 3")
+    run.add_argument(
+        "--port", type=int, default=DEFAULT_PORT, metavar="N", help="first port of the servers; default: 2000"
+    )
+    run.add_argument(
+        "--tries",
+        type=int,
+        default=3,
+        metavar="N",
+        help="drive a route N times at most after harness errors; default: 3",
+    )
     usual = Patience()
     run.add_argument(
         "--route-s", type=float, default=usual.route_s, metavar="S",
@@ -71,7 +88,7 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     run.add_argument(
         "--silence-s", type=float, default=usual.silence_s, metavar="S",
-        help=f"longest time without a word; default: {usual.silence_s:g}",
+        help=f"longest time in which the evaluator prints nothing; default: {usual.silence_s:g}",
     )  # fmt: skip
     return parser
 
@@ -122,7 +139,9 @@ def _concluded(outcomes: Mapping[str, Outcome], results: Path, score_command: st
     if broken:
         print(f"{len(broken)} of them ended as an error of the agent: {', '.join(broken)}")
     if broken and len(broken) == scored:
-        print(f"none was driven to its end; where the cause is in no file of the agent, remove {results} to try again")
+        print(
+            f"no route was driven to its end; if the cause is not in the agent's files, remove {results} to try again"
+        )
     if unscored:
         print(f"no score, because the harness failed: {', '.join(unscored)}")
     return 1 if unscored or len(broken) == len(outcomes) else 0

@@ -46,14 +46,14 @@ class Checkout:
         given = carla_root or named_carla()
         if given is None:
             raise UsageError(
-                "Where is CARLA? Set CARLA_ROOT to the folder that holds CarlaUE4.sh; without pytest, --carla-root "
-                "gives it, too."
+                "CARLA_ROOT is not set. Set it to the folder of CARLA, which holds CarlaUE4.sh; a command line without "
+                "pytest also takes --carla-root."
             )
         if not (given / SERVER).is_file():
             raise UsageError(f"{str(given)!r} is no CARLA: there is no {SERVER}. Bench2Drive needs CARLA 0.9.15.")
         told = shell_trouble(given)
         if told:
-            raise UsageError(f"{told}. Move CARLA to a folder without that.")
+            raise UsageError(f"{told}. Move CARLA to a folder whose path has no such character.")
         return cls(root.resolve(), given.resolve(), _absolute(python) if python else sys.executable)
 
     @property

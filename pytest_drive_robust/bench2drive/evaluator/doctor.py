@@ -112,7 +112,7 @@ def _checkout(root: Path) -> Iterator[DoctorCheck]:
         yield DoctorCheck("checkout files", False, f"no {', '.join(missing)}", clone)
     lost = [f"{cls}.{method}" for file, (cls, method) in _SEAMS.items() if not _has_method(root / file, cls, method)]
     told = "SensorInterface.get_data, AgentWrapper.__call__" if not lost else f"no {', '.join(lost)}"
-    yield DoctorCheck("seams", not lost, told, "This fork is built differently: the injection cannot be put into it.")
+    yield DoctorCheck("seams", not lost, told, "This fork is built differently, so no failure can be injected into it.")
 
 
 def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
@@ -129,7 +129,7 @@ def _server(carla_root: Path | None) -> Iterator[DoctorCheck]:
         return
     told = shell_trouble(carla_root)
     if told:
-        yield DoctorCheck("server", False, told, "Move CARLA to a folder without that.")
+        yield DoctorCheck("server", False, told, "Move CARLA to a folder whose path has no such character.")
         return
     version = carla_version(carla_root)
     right = not version or version.startswith(_CARLA)

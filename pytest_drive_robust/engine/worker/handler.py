@@ -92,8 +92,8 @@ class RequestHandler:
             found = identity_of(agent, self._registry, simulator=setup.simulator, world=world, options=setup.options)
             if request.identity and found != request.identity:
                 raise UsageError(
-                    f"the node {platform.node()} would drive another version of the agent {agent!r}, its weights, the "
-                    "simulator or a library than there is where the run was started. Install the same versions on "
+                    f"the node {platform.node()} has another version of the agent {agent!r}, its weights, the "
+                    "simulator or a library than the machine where the run was started. Install the same versions on "
                     "every node, and keep weights in the folder of the run or under the same path everywhere."
                 )
             self._checked.add((agent, request.identity))

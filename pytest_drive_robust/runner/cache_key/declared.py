@@ -27,8 +27,8 @@ def require_declared(name: str, agent: object, factory: object) -> None:
     lines = [f"{place}.{attribute} = {_known_as(cls, attribute)}" for attribute in own]
     where = f"in the body of the class {place}, not in __init__" if made_by is cls else f"with `{'; '.join(lines)}`"
     raise PluginError(
-        f"the agent {name!r} has {given}, which {place}, what makes it, does not say. Keys of stored episodes are made "
-        f"of what {place} says, before there is an agent: a change would go unseen. Say it {where}."
+        f"the agent {name!r} has {given}, but {place}, which makes the agent, does not declare that. Stored episodes "
+        f"are found by what {place} declares, so a change would go unseen. Declare it {where}."
     )
 
 

@@ -41,11 +41,11 @@ def test_other_routes_take_the_place_of_blessed_ones_only_where_that_is_asked_fo
     store_run("few", routes=20, digest="d1")
     assert main(["bless", "many", "--reason", "first"]) == 0
     assert main(["bless", "few", "--reason", "changed"]) == 4
-    assert "Give --replace-routes when the routes were changed on purpose." in capsys.readouterr().err
+    assert "Give --replace-routes if you changed the routes on purpose." in capsys.readouterr().err
     assert main(["bless", "few", "--reason", "changed", "--replace-routes"]) == 0
     told = capsys.readouterr().out
     assert "0 scores added, 40 replaced, 40 others kept\n" in told
-    assert "40 of the kept ones are of other routes under the same settings" in told
+    assert "40 of the kept scores are of other routes under the same settings" in told
     assert main(["bless", "few", "--reason", "these alone", "--only"]) == 0
     assert "0 scores added, 40 replaced, 0 others kept, 40 dropped" in capsys.readouterr().out
 
@@ -143,7 +143,8 @@ def test_a_run_that_stopped_at_its_verdicts_is_not_blessed(capsys: pytest.Captur
     assert main(["bless", "early", "--reason", "why"]) == 4
     told = capsys.readouterr().err
     assert (
-        "early was driven until its verdicts were in, on 12 of 40 routes of routes.xml under clean (and 1 more)" in told
+        "early was driven only until its verdicts were clear, on 12 of 40 routes of routes.xml under clean (and 1 more)"
+        in told
     )
     assert "Drive it with --drive-save, or with --drive-verdict=point." in told
     assert not Path("suites").exists()

@@ -104,12 +104,12 @@ def test_other_routes_are_refused_unless_allowed(capsys: pytest.CaptureFixture[s
     store_run("b", digest="d1")
     assert main(["compare", "a", "b"]) == 4
     shown = capsys.readouterr().out
-    assert "NOT COMPARED with a: 40 of 40 routes are others by the same id" in shown
+    assert "NOT COMPARED with a: 40 of 40 routes have changed under the same id" in shown
     assert "DS" not in shown.splitlines()[1]
     assert main(["compare", "a", "b", "--json", "found.json"]) == 4
     found = json.loads(Path("found.json").read_text())
     assert (found["regressed"], found["cells"]) == (None, [])
-    assert "40 of 40 routes are others by the same id" in found["refused"][0]
+    assert "40 of 40 routes have changed under the same id" in found["refused"][0]
     assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
 
 
@@ -142,7 +142,7 @@ def test_a_run_that_stopped_at_its_verdicts_says_nothing_about_two_runs(
     store_run(which, spared=28)
     assert main(["compare", "a", "b"]) == 4
     shown = capsys.readouterr().out
-    assert f"NOT COMPARED with a: {which} was driven until its verdicts were in, which says nothing about two " in shown
+    assert f"NOT COMPARED with a: {which} was driven only until its verdicts were clear, so its scores " in shown
     assert (
         "12 of 40 routes of routes.xml under clean, and so under 1 more setting. Drive that run with --drive-" in shown
     )

@@ -43,7 +43,7 @@ def test_it_writes_the_workflow_that_the_documentation_shows(
     service: str, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["init", "--ci", service]) == 0
-    assert "the workflow drives the agent that drive_agent names in pytest.ini or" in capsys.readouterr().out
+    assert "the workflow drives the agent of drive_agent in pytest.ini or" in capsys.readouterr().out
     assert written() == sorted([*FILES, name])
     text = Path(name).read_text(encoding="utf-8")
     assert isinstance(yaml.safe_load(text), dict)

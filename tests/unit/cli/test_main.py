@@ -91,7 +91,7 @@ def test_a_module_or_a_conftest_registers_names(
     registry.forget_names()
     capsys.readouterr()
     assert main(["check-agent", "mine", "--sim", FAKE]) == 4
-    assert "drive-robust reads that of a conftest.py with -p conftest.py" in capsys.readouterr().err
+    assert "drive-robust COMMAND reads it with -p conftest.py" in capsys.readouterr().err
 
 
 def test_the_version_is_shown(capsys: pytest.CaptureFixture[str]) -> None:

@@ -435,7 +435,7 @@ def test_stored_controls_are_driven_again_without_the_agent(
         ({"--run": "nowhere/"}, "no such file or folder"),
         ({"--run": "befor"}, "no stored run named 'befor'"),
         ({"--tick-cap": "0"}, "expected at least 1"),
-        ({"--seed": "0", "--stored-controls": ""}, "give its .episode file as ROUTE"),
+        ({"--seed": "0", "--stored-controls": ""}, "Give its .episode file as ROUTE"),
         ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
         ({"--setting=": ""}, "there is no perturbation ''"),
         ({"--run=": ""}, "there is no stored run named ''"),

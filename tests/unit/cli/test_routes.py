@@ -75,7 +75,7 @@ def test_a_long_list_goes_on_on_a_second_sheet(
     ("arguments", "told"),
     [
         (["list", "one-per-scenari"], "Did you mean 'one-per-scenario'"),
-        (["list", "999999"], "no route in full named '999999'"),
+        (["list", "999999"], "no route of 'full' named '999999'"),
         (["draw", "dev10", "-o", "sheet.jpg"], "expected the name of a .png file"),
         (["draw", "dev10", "-o", "nowhere/sheet.png"], "there is no folder 'nowhere'"),
         (["check", ""], "no routes were named"),

@@ -12,6 +12,10 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
 
+def _scripted() -> ScriptedAgent:
+    return ScriptedAgent([Control()])
+
+
 @pytest.fixture
 def several_kinds():
     registry = Registry()
@@ -71,7 +75,7 @@ def test_a_module_in_the_current_folder_is_no_misspelt_name(several_kinds, tmp_p
 
 def test_a_module_of_a_package_is_no_misspelt_name(several_kinds):
     several_kinds.register_simulator("my.towns", town, argument="TOWN")
-    with pytest.raises(PluginError, match=r"the simulator 'my\.town:Sim' from .* does not load: ModuleNotFoundError"):
+    with pytest.raises(PluginError, match=r"the simulator 'my\.town:Sim' needs the module 'my', which is neither"):
         several_kinds.simulator("my.town:Sim")
 
 
@@ -91,5 +95,11 @@ def test_what_follows_the_colon_makes_the_factory_of_an_agent_whose_refusal_come
 
 
 def test_names_without_an_argument_take_none(several_kinds):
-    with pytest.raises(PluginError, match="does not load"):
+    with pytest.raises(UsageError, match=r"the simulator 'plain' takes nothing after a colon, but was given 'Rome'"):
         several_kinds.simulator("plain:Rome")
+
+
+def test_an_agent_is_given_options_by_name(several_kinds):
+    several_kinds.register_agent("plain", _scripted)
+    with pytest.raises(UsageError, match="the agent 'plain' has no option '8': give options as plain:NAME=VALUE"):
+        several_kinds.agent("plain:8")

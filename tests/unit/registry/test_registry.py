@@ -106,6 +106,25 @@ def test_the_same_definition_may_register_again_as_when_a_conftest_is_imported_t
     assert registry.perturbation("noisy-wheel") is NoisyWheel
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import no_such_net\n", r"ModuleNotFoundError: No module named 'no_such_net' \(broken_agent\.py:1\)\.$"),
+        ("\nimport json\nBOUNDS = json.loads('{')\n", r"JSONDecodeError: .* \(broken_agent\.py:3\)\.$"),
+        ("class Mine:\n    def __init__(self):\n        {}['w']\n", r"could not be made: KeyError: 'w' \(.*\.py:3\)$"),
+        ("class Mine:\n    def act(:\n", r"does not load: SyntaxError: .*\(broken_agent\.py, line 2\)\.$"),
+    ],
+    ids=["import", "body", "constructor", "syntax"],
+)
+def test_an_agent_that_breaks_is_told_with_the_line_in_its_file(tmp_path, monkeypatch, text, told):
+    (tmp_path / "broken_agent.py").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "broken_agent", raising=False)
+    with pytest.raises(PluginError, match=told):
+        Registry().agent("broken_agent:Mine")
+
+
 def test_a_reference_loads_an_agent_out_of_the_current_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "agent_beside_me.py").write_text(AGENT)
     monkeypatch.chdir(tmp_path)
@@ -137,7 +156,7 @@ def test_a_built_in_metric_keeps_its_meaning() -> None:
 
 @pytest.mark.parametrize("name", ["my metric", "speed\tp95", "#bumps", "bumps<=3", "share≥half"])
 def test_a_metric_that_no_sentence_can_name_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match=r"cannot name a metric: no sentence could ask for it.*Call it '\w+', say"):
+    with pytest.raises(UsageError, match=r"cannot name a metric: in a requirement.*Call it '\w+', for example"):
         Registry().register_metric(name, len)
 
 
@@ -163,7 +182,7 @@ def test_a_required_name_is_loaded_but_nothing_is_made_of_it(install: Install) -
 
 @pytest.mark.parametrize("name", ["", "a:b", " padded"])
 def test_a_name_that_could_never_be_typed_is_refused(name: str) -> None:
-    with pytest.raises(UsageError, match="cannot name one of our agents"):
+    with pytest.raises(UsageError, match="cannot be a name of agents"):
         Registry().register_agent(name, _scripted)
 
 
@@ -227,7 +246,7 @@ def test_the_name_of_a_built_in_failure_or_world_keeps_its_meaning() -> None:
 
 def test_an_entry_point_of_a_built_in_name_is_told_what_can_be_done_about_it(install: Install) -> None:
     install("bold-worlds", "1.0", group="simulators", entry="embedded", source="class Entry: pass")
-    with pytest.raises(PluginError, match=r"built in and bold-worlds 1\.0\. What is built in keeps its meaning"):
+    with pytest.raises(PluginError, match=r"built in and bold-worlds 1\.0\. The built-in one keeps the name"):
         Registry().simulator("embedded")
 
 

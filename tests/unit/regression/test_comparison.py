@@ -347,7 +347,7 @@ def test_a_run_that_stopped_at_its_verdicts_is_refused_in_one_sentence() -> None
     new = replace(cell(BUSY[:5]), stopped=("5 of 64 routes of routes.xml",))
     (refusal,) = compare(snapshot(cell(BUSY)), snapshot(new, label="new")).refusals
     assert refusal.text == (
-        "new was driven until its verdicts were in, which says nothing about two runs: "
+        "new was driven only until its verdicts were clear, so its scores cannot be compared: "
         "5 of 64 routes of routes.xml under clean"
     )
 
@@ -406,7 +406,8 @@ def test_a_changed_agent_is_told_and_never_refused() -> None:
     comparison = compare(snapshot(cell(BUSY)), new, Terms(policy="refuse"))
     assert not comparison.refusals
     assert comparison.mismatches[0].text == (
-        "the agent driver changed: agents 1 is agents 2, source aaaaaaaaaaaa is bbbbbbbbbbbb, weights unknown is cc"
+        "the agent driver changed: agents 1 became agents 2, source aaaaaaaaaaaa became bbbbbbbbbbbb, "
+        "weights unknown became cc"
     )
 
 
@@ -423,7 +424,7 @@ def test_another_machine_matters_only_to_agents_whose_bits_depend_on_it(
     old, new = (snapshot(cell(BUSY, fingerprint=with_versions(**versions))) for versions in known)
     mismatches = compare(old, new).mismatches
     assert [item.kind for item in mismatches] == ["versions"] * told
-    assert all("depend on the machine, whose torch computes otherwise" in item.text for item in mismatches)
+    assert all("the torch of this machine gives other bits" in item.text for item in mismatches)
     assert all("--stored-controls" in item.text for item in mismatches)
 
 

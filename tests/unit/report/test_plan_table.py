@@ -44,7 +44,7 @@ def test_what_is_stored_is_not_driven_and_says_how_long_the_rest_takes() -> None
         "40 episodes would be driven, 2 at a time; how long that takes shows when the first ones are stored."
     )
     assert last_line("point", *list(REQUESTS)[:20]) == "20 episodes would be driven, 2 at a time, in about 30 s."
-    assert last_line("point", *REQUESTS) == "Every verdict is in: nothing would be driven."
+    assert last_line("point", *REQUESTS) == "Every episode that the verdicts need is stored: nothing would be driven."
 
 
 def test_those_that_are_driven_together_share_their_time() -> None:
@@ -83,4 +83,4 @@ def test_an_agent_of_which_nothing_is_stored_is_not_estimated_by_another_one() -
 
 def test_where_nothing_is_asked_for_nothing_would_be_driven() -> None:
     text = plan_text((), {}.get, likely=(), possible=(), slots=1, colour=False)
-    assert text.splitlines()[-1] == "Every verdict is in: nothing would be driven."
+    assert text.splitlines()[-1] == "Every episode that the verdicts need is stored: nothing would be driven."

@@ -175,8 +175,8 @@ def test_episodes_of_machines_that_compute_differently_are_not_mixed_unsaid():
 @pytest.mark.parametrize(
     ("metric", "comparison", "word", "told"),
     [
-        ("RD", ">=", "pass", "is passed by the worse of two agents, as less RD is better: was '<=' meant?"),
-        ("DS", "<=", "pass", "is passed by the worse of two agents, as more DS is better: was '>=' meant?"),
+        ("RD", ">=", "pass", "lets the worse of two agents pass, because less RD is better. Did you mean '<='?"),
+        ("DS", "<=", "pass", "lets the worse of two agents pass, because more DS is better. Did you mean '>='?"),
         ("RD", ">=", "fail", None),
         ("RD", "<=", "pass", None),
         ("efficiency", "<=", "pass", None),
@@ -196,7 +196,7 @@ def test_a_requirement_that_a_worse_agent_passes_is_told_of_where_it_was_passed(
 def test_a_driving_score_that_was_asked_for_as_a_share_is_told_of(metric, limit, told):
     stated = replace(verdict("clean", "pass"), requirement="STATED", metric=metric, comparison=">=", limit=limit)
     text = " ".join(run_summary(run_of(("clean", [scored("1", 2.0)]), judged=[stated]), colour=False).split())
-    assert ("warning: STATED is hardly a limit, as DS is 0 to 100: was 60 meant?" in text) is told
+    assert ("warning: STATED is hardly a limit, because DS is 0 to 100. Did you mean 60?" in text) is told
 
 
 def test_of_many_requirements_that_hardly_ask_for_anything_ten_are_named():

@@ -58,7 +58,7 @@ def test_ids_alone_are_looked_up_among_all_that_we_ship_and_keep_their_order() -
     assert ids(f"{second},{first}") == [second, first]
     assert ids(f" {second} , {first}, {second}") == [second, first]
     assert ids(f"one-per-scenario:{first}") == [first]
-    with pytest.raises(UnknownNameError, match=f"no route in one-per-scenario named '{second}'"):
+    with pytest.raises(UnknownNameError, match=f"no route of 'one-per-scenario' named '{second}'"):
         ids(f"one-per-scenario:{second}")
 
 
@@ -69,10 +69,10 @@ def test_a_file_gives_all_of_its_routes_or_those_that_are_named(route_file: str)
 
 
 def test_an_unknown_id_is_answered_with_those_of_the_file(route_file: str) -> None:
-    with pytest.raises(UnknownNameError, match=r"no route in mine\.xml named '71'.*Known: 12, 7"):
+    with pytest.raises(UnknownNameError, match=r"no route of 'mine\.xml' named '71'.*Known: 12, 7"):
         resolve_routes(f"{route_file}:71")
     with pytest.raises(
-        UnknownNameError, match=r"no route in full named '999999'.*`drive-robust routes list full` shows them"
+        UnknownNameError, match=r"no route of 'full' named '999999'.*`drive-robust routes list full` shows them"
     ):
         resolve_routes("999999")
 

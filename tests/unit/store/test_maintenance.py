@@ -218,8 +218,8 @@ def test_the_command_tells_what_is_there(store, capsys):
     assert run_cli(store, "stats") == 0
     told = capsys.readouterr().out
     assert "4 episodes" in told
-    assert "1 ended in a way that no other run takes over" in told
-    assert "1 damaged ones lie in" in told
+    assert "1 ended in timeouts, crashes or errors of the simulator: other runs drive them again" in told
+    assert "aside: 1" in told
     assert [line.split() for line in told.splitlines()[1:4]] == [
         ["agent", "agent_error", "completed", "failed"],
         ["driver", "1", "1", "1"],
@@ -278,7 +278,7 @@ def test_only_what_is_gone_is_reported_as_removed(store, capsys, monkeypatch):
         patch.setattr(Path, "unlink", refuses)
         assert run_cli(store, "gc", "--agent", "other") == 1
     told = capsys.readouterr().out
-    assert "removed 0 episodes, 0 damaged records and 0 leftovers of writers that died, 0.0 MB" in told
+    assert "removed 0 episodes, 0 damaged records and 0 leftovers of processes that died, 0.0 MB" in told
     assert "1 file could not be removed, first " in told
     assert "Permission denied" in told
     assert statistics(store.folder).records == 4

@@ -104,7 +104,9 @@ def test_a_file_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("given", [["DS under clean >= 60"], None, 3])
 def test_what_is_neither_text_nor_a_path_is_refused_with_its_type(given) -> None:
-    message = rf"was given a {type(given).__name__}\. Expected a text with one sentence a line, .* or a file, .*Path\("
+    message = (
+        rf"value of type {type(given).__name__}\. Expected a text with one sentence a line, .* or a file, .*Path\("
+    )
     with pytest.raises(RequirementError, match=message):
         requirements(given)
     with pytest.raises(RequirementError, match=message):
@@ -115,7 +117,9 @@ def test_a_file_stands_alone(tmp_path: Path) -> None:
     (tmp_path / "limits.txt").write_text("DS under clean >= 60\n")
     texts = ("DS under clean >= 50", tmp_path / "limits.txt")
     for order in (texts, texts[::-1]):
-        with pytest.raises(RequirementError, match=r"was given a \w*Path\. Expected .* several such texts, or a file"):
+        with pytest.raises(
+            RequirementError, match=r"was given a value of type \w*Path\. Expected .* several such texts, or a file"
+        ):
             requirements(*order)
 
 

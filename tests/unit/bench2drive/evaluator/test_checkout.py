@@ -29,7 +29,9 @@ pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="CARLA's evaluat
 
 def test_without_a_carla_the_advice_can_be_followed_in_pytest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CARLA_ROOT", raising=False)
-    with pytest.raises(UsageError, match=r"Set CARLA_ROOT to the folder.*; without pytest, --carla-root gives it"):
+    with pytest.raises(
+        UsageError, match=r"CARLA_ROOT is not set\. Set it to the folder of CARLA.* also takes --carla-root"
+    ):
         Checkout.find(make(tmp_path)[0])
 
 

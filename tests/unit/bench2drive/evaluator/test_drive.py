@@ -490,7 +490,7 @@ def test_help_states_how_long_is_waited(capsys: pytest.CaptureFixture[str]) -> N
         main(["run", "--help"])
     told = " ".join(capsys.readouterr().out.split())
     assert "longest wall time of a route; default: 21600" in told
-    assert "longest time without a word; default: 1200" in told
+    assert "longest time in which the evaluator prints nothing; default: 1200" in told
 
 
 def test_a_result_that_cannot_be_read_is_told_without_its_place_which_is_removed(

@@ -60,7 +60,10 @@ def test_a_suite_is_driven_by_the_evaluator_and_goes_on_where_it_was(
     assert times
     assert run(tmp_path / "suite", *chosen).returncode == 0
     assert {path: os.stat(path).st_mtime_ns for path in times} == times  # nothing was driven again
-    assert "Every verdict is in: nothing would be driven." in run(tmp_path / "suite", *chosen, "--drive-plan").stdout
+    assert (
+        "Every episode that the verdicts need is stored: nothing would be driven."
+        in run(tmp_path / "suite", *chosen, "--drive-plan").stdout
+    )
     assert run(tmp_path / "suite", *chosen, "--drive-fresh").returncode == 0
     assert not {path for path in times if os.stat(path).st_mtime_ns == times[path]}  # everything was
 

@@ -61,7 +61,7 @@ def test_other_code_or_weights_are_refused(setup: WorkerSetup, tmp_path: Path, n
     announced = identity(setup)
     with (tmp_path / name).open("a") as changed:
         changed.write("\n# changed\n")
-    with pytest.raises(UsageError, match="would drive another version of the agent 'announced_agents:Agent'"):
+    with pytest.raises(UsageError, match="has another version of the agent 'announced_agents:Agent'"):
         drive(setup, announced)
 
 
