@@ -140,7 +140,7 @@ driveRobust.views.set("episode", (() => {
     marksOf() {
       const marks = [];
       const own = this.own.episode;
-      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
+      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
         for (const event of pane.episode.events) {
           /* Official results do not tell when an infraction happened: show it at the end of the episode. */
@@ -190,7 +190,7 @@ driveRobust.views.set("episode", (() => {
         two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
         item("wrong", "what went wrong, or the end: a line below, a ring where it happened"),
-        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two part") : null,
+        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "a failure is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }

@@ -71,7 +71,7 @@ driveRobust.views.set("requirement", (() => {
       return h("li", {},
         h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
         h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${numbers(cleanValue, twin.ds)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, numbers(value, episode.ds))),
-        h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; parted at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
+        h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; diverged at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
     })));
   }
 
