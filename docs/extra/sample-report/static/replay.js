@@ -11,6 +11,9 @@ driveRobust.views.set("episode", (() => {
     vehicle_blocked: "blocked", route_timeout: "out of time", min_speed_infractions: "too slow",
   };
 
+  /* A failure touches one of these signals, or else a camera, which has a name of the agent's. */
+  const SIGNALS = { gps: "GPS", compass: "compass", imu: "IMU", speed: "speed", control: "control" };
+
   function coloursNow() {
     const style = getComputedStyle(document.documentElement);
     const get = (name) => style.getPropertyValue(`--${name}`).trim();
@@ -353,10 +356,10 @@ driveRobust.views.set("episode", (() => {
       const ego = pane.scene.at(tick);
       const told = pane.scene.told(tick);
       pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
-      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)}` : "";
+      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "";
       for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
       pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
-      const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => span.signal);
+      const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => SIGNALS[span.signal] || `camera ${span.signal}`);
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
       const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
