@@ -192,7 +192,7 @@ driveRobust.views.set("episode", (() => {
         two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
         two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
-        item("wrong", "what went wrong, or the end: a line below, a ring where it happened"),
+        item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
         this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "a failure is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
@@ -403,13 +403,6 @@ driveRobust.views.set("episode", (() => {
           }
           context.stroke();
         }
-        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
-        context.fillStyle = colours.page;
-        context.globalAlpha = 0.8;
-        context.fillRect(3, top + 2, context.measureText(words).width + 7, 15);
-        context.globalAlpha = 1;
-        context.fillStyle = colours.faint;
-        context.fillText(words, 6, top + 13);
         top += high;
       }
       this.drawSeconds(context, width, height);
@@ -427,6 +420,24 @@ driveRobust.views.set("episode", (() => {
         context.stroke();
         context.setLineDash([]);
       }
+      this.nameStrips(context, rows, width, height, fastest);
+    }
+
+    /* The names stand at the right end, above all lines: what went wrong is mostly at the left, before a car stands still. */
+    nameStrips(context, rows, width, height, fastest) {
+      context.textAlign = "right";
+      context.lineWidth = 4;
+      context.lineJoin = "round";
+      context.strokeStyle = this.colours.page;
+      context.fillStyle = this.colours.faint;
+      let top = 0;
+      for (const [name, share] of rows) {
+        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
+        context.strokeText(words, width - 8, top + 13);
+        context.fillText(words, width - 8, top + 13);
+        top += height * share;
+      }
+      context.textAlign = "left";
     }
 
     /* The axis of time below the strips. */
