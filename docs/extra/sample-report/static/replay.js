@@ -208,7 +208,7 @@ driveRobust.views.set("episode", (() => {
       return h("figure", { class: `pane ${pane.role}` },
         h("figcaption", {}, h("strong", {}, titleOf(pane.episode, this.own.episode)), " ", h("span", { class: "soft" }, pane.episode.scored ? `DS ${fixed(pane.episode.ds, 1)}` : "not scored")),
         h("div", { class: "view" }, pane.canvas, pane.state, pane.scene.tracks ? null : h("span", { class: "no-tracks" }, "other road users were not recorded")),
-        h("div", { class: "dash" }, pane.speedNode, pane.toldNode,
+        h("div", { class: "dash" }, h("span", { class: "speeds" }, pane.speedNode, pane.toldNode),
           pane.controls ? null : h("span", { class: "soft" }, "throttle, brake and steering were not recorded"),
           [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
