@@ -1,7 +1,7 @@
 "use strict";
 /* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
 driveRobust.views.set("episode", (() => {
-  const { h, link, place, fixed, seconds } = driveRobust;
+  const { h, link, place, fixed, seconds, breakable } = driveRobust;
   const AXIS = 16;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
@@ -50,7 +50,7 @@ driveRobust.views.set("episode", (() => {
     const run = driveRobust.given.get("run");
     const heading = [
       h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
-      h("h1", {}, `${episode.place.scenario} `, h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
+      h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
       h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
     ];
     const shown = scenes.filter(({ data }) => data.motion);

@@ -1,7 +1,7 @@
 "use strict";
 /* One requirement: limit, value, interval, how the evidence grew, the routes behind it. */
 driveRobust.views.set("requirement", (() => {
-  const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, scroller } = driveRobust;
+  const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, breakable, scroller } = driveRobust;
 
   function render([agent, sentence], query) {
     const item = driveRobust.requirementsCalled(agent, sentence)[Number(query.get("number") || 0)];
@@ -69,7 +69,7 @@ driveRobust.views.set("requirement", (() => {
       const episode = all[number];
       const twin = twinOf(episode);
       return h("li", {},
-        h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
+        h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, breakable(`${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`), episode.trace ? h("span", { class: "go" }, " watch") : null),
         h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${numbers(cleanValue, twin.ds)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, numbers(value, episode.ds))),
         h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; diverged at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
     })));

@@ -13,7 +13,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, fixed, shown, shownBeside, between, duration, counted, badge, scroller } = driveRobust;
+  const { h, link, fixed, shown, shownBeside, between, duration, counted, breakable, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -162,7 +162,7 @@ driveRobust.views.set("", (() => {
       ...Object.entries(run.agents).map(([name, item]) => [name, [item.distribution, item.source && `code ${item.source}`, item.weights && `weights ${item.weights}`].filter(Boolean).join(", ")]),
       ...Object.entries(run.versions),
     ];
-    return h("section", {}, h("h2", {}, "What ran"), h("dl", { class: "facts" }, rows.filter(([, value]) => value !== "").map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
+    return h("section", {}, h("h2", {}, "What ran"), h("dl", { class: "facts" }, rows.filter(([, value]) => value !== "").map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, breakable(String(value)))))));
   }
 
   return { render };
