@@ -18,7 +18,7 @@ driveRobust.views.set("requirement", (() => {
         broken(item),
         worst(item),
         h("div", { class: routes.some(({ twin }) => twin) ? "columns" : "columns single" },
-          item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthWords(item)) : null,
+          item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthKey(item), growthWords(item)) : null,
           scatter(routes)),
         table(routes),
         h("p", { class: "soft" }, `test ${item.nodeid}`),
@@ -32,6 +32,11 @@ driveRobust.views.set("requirement", (() => {
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
     const where = item.rule === "evidence" ? " on routes like these" : "";
     return `${item.metric} is ${shownBeside(item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
+  }
+
+  function growthKey(item) {
+    const band = item.growth.some((point) => point[2] !== null || point[3] !== null) ? `; pale: its ${item.level} interval` : "";
+    return h("p", { class: "soft" }, `Line: ${item.metric} of the routes read so far${band}; shaded: beyond the limit.`);
   }
 
   function growthWords(item) {
