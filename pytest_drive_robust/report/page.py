@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 WIDTH = 100
-_USUAL_SETTING, _LEAST_SETTING = 18, 12
+_USUAL_SETTING, _SHORT_SETTING, _LEAST_SETTING = 18, 12, 9
 _UNLIMITED = 10_000
 _STYLES = {"pass": "green", "inconclusive": "yellow", "fail": "red", "error": "bold red"}
 
@@ -51,13 +51,18 @@ class Page:
         """Add a table of agents and settings with columns of `numbers` and, with `verdicts`, a coloured verdict column.
 
         Long names of agents and settings are folded. If the table is still too wide, brackets behind numbers go to a
-        line of their own, then settings are folded more. If that is not enough, the table is wider than the page,
-        because no number is cut. The table has rules when colours are shown.
+        line of their own, then settings are folded more, then columns stand closer. If that is not enough, the table is
+        wider than the page, because no number is cut. The table has rules when colours are shown.
         """
         cells = [tuple(row) for row in rows]
         below = [_brackets_below(row) for row in cells]
-        for lines, narrowest in ((cells, _USUAL_SETTING), (below, _USUAL_SETTING), (below, _LEAST_SETTING)):
-            narrow = self._table(numbers, lines, agent_width, narrowest, verdicts=verdicts)
+        for lines, narrowest, close in (
+            (cells, _USUAL_SETTING, False),
+            (below, _USUAL_SETTING, False),
+            (below, _SHORT_SETTING, False),
+            (below, _LEAST_SETTING, True),
+        ):
+            narrow = self._table(numbers, lines, agent_width, narrowest, verdicts=verdicts, close=close)
             least = self._width_of(narrow)
             if least <= self._width:
                 break
@@ -65,7 +70,7 @@ class Page:
         widest = narrowest + max(self._width - least, 0)
         widest = widest if setting_width is None else min(widest, setting_width)
         self._console.width = max(self._width, least)
-        self._console.print(self._table(numbers, lines, agent_width, widest, verdicts=verdicts))
+        self._console.print(self._table(numbers, lines, agent_width, widest, verdicts=verdicts, close=close))
         self._console.width = self._width
 
     def _width_of(self, table: Table) -> int:
@@ -81,6 +86,7 @@ class Page:
         setting_width: int,
         *,
         verdicts: bool,
+        close: bool,
     ) -> Table:
         from rich import box
         from rich.table import Table
@@ -91,7 +97,8 @@ class Page:
             max(len(line) for text in column for line in text.split("\n")) for column in zip(heads, *rows, strict=True)
         ]
         ruled = box.SIMPLE_HEAD if self._colour else None
-        table = Table(box=ruled, pad_edge=False, padding=(0, 1), header_style="bold")
+        padding = (0, 0 if self._colour else 1, 0, 0) if close else (0, 1)  # rules bring a blank of their own
+        table = Table(box=ruled, pad_edge=False, show_edge=not close, padding=padding, header_style="bold")
         for name, width in (("agent", min(longest[0], agent_width)), ("setting", min(longest[1], setting_width))):
             table.add_column(name, min_width=width, max_width=width, overflow="fold")
         for name, width in zip(numbers, longest[2:], strict=False):

@@ -122,6 +122,17 @@ def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, 
     assert text(page, ".state") == f"ended at {seconds_text(ticks * 0.05)}: arrived"
 
 
+def test_the_second_of_the_end_is_shown_once_and_rounded_as_the_others(opened, tmp_path):
+    result = make_result("101", trace=trace_of(187), end_detail=f"reached the end at {187 * 0.05:.1f} s")
+    page = opened(report_of(tmp_path, replace(result, ticks=187))).go("#/episode/driver/clean/101/0")
+    page.wait_for_selector("canvas")
+    assert "9.3 s" in result.end_detail
+    assert "9.3 s" not in text(page, "main")
+    assert text(page, ".marks li") == "9.4 s reached the end"
+    page.keyboard.press("End")
+    assert text(page, ".state") == "ended at 9.4 s: reached the end"
+
+
 def test_what_official_results_do_not_tell_is_not_shown_as_0(opened, tmp_path):
     event = infraction(InfractionKind.COLLISION_VEHICLE, second=0.0)
     result = make_result("101", infractions=[event], trace=trace_of(40))

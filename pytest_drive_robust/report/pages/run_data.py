@@ -46,7 +46,8 @@ def run_data(
         "notes": [*document.get("notes", ()), *_missing(records)],
         "searches": [item.get("sentence", "") for item in document.get("searches", ())],
         "metrics": {
-            metric.name: {"decimals": metric.decimals, "meaning": metric.meaning} for metric in METRICS.values()
+            metric.name: {"decimals": metric.decimals, "meaning": metric.meaning, "unit": metric.unit}
+            for metric in METRICS.values()
         },
         "rows": _rows(document["summaries"]),
         "requirements": [requirement_data(records, table, item) for item in document.get("requirements", ())],

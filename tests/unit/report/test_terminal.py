@@ -10,6 +10,7 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.github import step_summary
 from pytest_drive_robust.report.json_file import run_as_json
+from pytest_drive_robust.report.page import Page
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import run_summary
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Spared, Used
@@ -82,6 +83,18 @@ def test_intervals_go_below_their_numbers_where_a_terminal_is_narrow(width):
         assert max(map(len, lines)) <= min(width, 100)
         row = next(line for line in lines if "50.00" in line)
         assert ("50.00 (" in row) == (width >= 100)
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_columns_stand_closer_before_a_row_breaks_on_eighty_columns(colour):
+    page = Page(colour=colour, width=80)
+    numbers = ("86.82 (36 to 100)", "0.83", "0.73 (-0.79 to 0.92)", "40.42", "44/220")
+    rows = [("classical", "occlusion 0.8 and 200 ms latency", *numbers, "inconclusive")]
+    page.table(("DS", "SR", "RD", "comfort", "routes"), rows, setting_width=40)
+    lines = re.sub(r"\x1b\[[\d;]*m", "", page.text).splitlines()
+    assert max(map(len, lines)) <= 80
+    row = next(line for line in lines if "86.82" in line)
+    assert row.split() == ["classical", "occlusion", "86.82", "0.83", "0.73", "40.42", "44/220", "inconclusive"]
 
 
 def measured(metric: str, value: float | None) -> Judged:

@@ -82,16 +82,19 @@ driveRobust.charts = (() => {
       svg.append(h("polygon", { class: "band", points: [...upper, ...lower].join(" ") }));
     }
     svg.append(h("line", { class: "limit", x1: margin.left, x2: width - margin.right, y1: y(item.limit), y2: y(item.limit) }));
-    if (item.lenient !== null && item.lenient >= low && item.lenient <= high) {
-      svg.append(h("line", { class: "lenient", x1: margin.left, x2: width - margin.right, y1: y(item.lenient), y2: y(item.lenient) }),
-        h("text", { class: "note", x: width - margin.right, y: y(item.lenient) + (item.comparison === "<=" ? -5 : 15), "text-anchor": "end" }, "limit and margin"));
+    const shownLenient = item.lenient !== null && item.lenient >= low && item.lenient <= high;
+    if (shownLenient) {
+      svg.append(h("line", { class: "lenient", x1: margin.left, x2: width - margin.right, y1: y(item.lenient), y2: y(item.lenient) }));
     }
-    svg.append(h("text", { class: "note strong", x: width - margin.right, y: y(item.limit) + (item.comparison === "<=" ? 15 : -5), "text-anchor": "end" }, `limit ${shownLimit(item.metric, item.limit)}`),
-      h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
+    svg.append(h("polyline", { class: "curve", points: points.map((point) => `${x(point[0])},${y(point[1])}`).join(" ") }));
     for (const point of points) {
       svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },
         h("title", {}, `after ${counted(point[0], "route")}: ${shown(point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
     }
+    // last, so that no curve crosses the words
+    const note = (value, below, words, strong) => svg.append(h("text", { class: `note${strong ? " strong" : ""}`, x: width - margin.right, y: y(value) + (below ? 15 : -5), "text-anchor": "end" }, words));
+    if (shownLenient) note(item.lenient, item.comparison !== "<=", "limit and margin");
+    note(item.limit, item.comparison === "<=", `limit ${shownLimit(item.metric, item.limit)}`, true);
     return svg;
   }
 

@@ -13,7 +13,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, fixed, shown, shownBeside, between, duration, counted, badge, scroller } = driveRobust;
+  const { h, link, fixed, shown, shownBeside, between, duration, counted, breakable, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -118,17 +118,23 @@ driveRobust.views.set("", (() => {
     const head = [h("div", { class: "head" }, h("h2", {}, "Agents and settings"), choice)];
     const partial = run.rows.some((row) => row.intervals.DS);
     const figures = partial ? `In small figures, where verdicts did not need all routes: ${run.level} intervals on routes like these.` : "";
-    const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? h("span", {}, run.metrics[metric].meaning) : null, figures ? h("span", {}, figures) : null);
+    const legend = h("p", { class: "legend scale" }, h("span", { class: "heat low", vars: { share: "80%" } }, "worse"), h("span", { class: "heat", vars: { share: "80%" } }, "better"), metric !== "all" && run.metrics[metric] ? h("span", {}, meaningOf(run, metric)) : null, figures ? h("span", {}, figures) : null);
     if (metric === "all") {
       const several = agents.length > 1;
       return [head, scroller("Agents and settings", h("table", { class: "matrix" },
         h("thead", {}, h("tr", {}, several ? h("th", { scope: "col" }, "agent") : null, h("th", { scope: "col" }, "setting"), ALL.map((name) => h("th", { scope: "col", class: "number" }, name)), h("th", { scope: "col", class: "number" }, "routes"), h("th", { scope: "col" }, "verdict"))),
         h("tbody", {}, run.rows.map((row) => h("tr", {}, several ? h("td", {}, row.agent) : null, h("th", { scope: "row" }, row.label, row.privileged ? h("span", { class: "soft", title: "this agent sees ground truth" }, " *") : null), ALL.map((name) => cell(row, name)),
-          h("td", { class: "number" }, routesOf(row)), h("td", {}, badge(row.verdict))))))), legend];
+          h("td", { class: "number" }, routesOf(row)), h("td", {}, badge(row.verdict))))))), legend,
+      h("ul", { class: "legend" }, ALL.map((name) => h("li", {}, h("strong", {}, name), ` ${meaningOf(run, name)}`)))];
     }
     return [head, scroller("Agents and settings", h("table", { class: "matrix" },
       h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "setting"), agents.map((agent) => h("th", { scope: "col", class: "number" }, agent)))),
       h("tbody", {}, labels.map((label) => h("tr", {}, h("th", { scope: "row" }, label), agents.map((agent) => cell(of(agent, label), metric))))))), legend];
+  }
+
+  function meaningOf(run, name) {
+    const { meaning, unit } = run.metrics[name];
+    return unit ? `${meaning} [${unit}]` : meaning;
   }
 
   function routesOf(row) {
@@ -162,7 +168,7 @@ driveRobust.views.set("", (() => {
       ...Object.entries(run.agents).map(([name, item]) => [name, [item.distribution, item.source && `code ${item.source}`, item.weights && `weights ${item.weights}`].filter(Boolean).join(", ")]),
       ...Object.entries(run.versions),
     ];
-    return h("section", {}, h("h2", {}, "What ran"), h("dl", { class: "facts" }, rows.filter(([, value]) => value !== "").map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
+    return h("section", {}, h("h2", {}, "What ran"), h("dl", { class: "facts" }, rows.filter(([, value]) => value !== "").map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, breakable(String(value)))))));
   }
 
   return { render };

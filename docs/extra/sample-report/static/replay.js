@@ -1,7 +1,7 @@
 "use strict";
 /* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
 driveRobust.views.set("episode", (() => {
-  const { h, link, place, fixed, seconds } = driveRobust;
+  const { h, link, place, fixed, seconds, breakable } = driveRobust;
   const AXIS = 16;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
@@ -10,6 +10,9 @@ driveRobust.views.set("episode", (() => {
     scenario_timeouts: "scenario out of time", outside_route_lanes: "outside its lanes", route_dev: "off the route",
     vehicle_blocked: "blocked", route_timeout: "out of time", min_speed_infractions: "too slow",
   };
+
+  /* A failure touches one of these signals, or else a camera, which has a name of the agent's. */
+  const SIGNALS = { gps: "GPS", compass: "compass", imu: "IMU", speed: "speed", control: "control" };
 
   function coloursNow() {
     const style = getComputedStyle(document.documentElement);
@@ -47,7 +50,7 @@ driveRobust.views.set("episode", (() => {
     const run = driveRobust.given.get("run");
     const heading = [
       h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
-      h("h1", {}, `${episode.place.scenario} `, h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
+      h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
       h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
     ];
     const shown = scenes.filter(({ data }) => data.motion);
@@ -140,7 +143,7 @@ driveRobust.views.set("episode", (() => {
     marksOf() {
       const marks = [];
       const own = this.own.episode;
-      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two part ${own.partedBy}`, kind: "parted" });
+      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
         for (const event of pane.episode.events) {
           /* Official results do not tell when an infraction happened: show it at the end of the episode. */
@@ -189,8 +192,8 @@ driveRobust.views.set("episode", (() => {
         two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
         two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
-        item("wrong", "what went wrong, or the end: a line below, a ring where it happened"),
-        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two part") : null,
+        item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
+        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "a failure is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
@@ -205,7 +208,7 @@ driveRobust.views.set("episode", (() => {
       return h("figure", { class: `pane ${pane.role}` },
         h("figcaption", {}, h("strong", {}, titleOf(pane.episode, this.own.episode)), " ", h("span", { class: "soft" }, pane.episode.scored ? `DS ${fixed(pane.episode.ds, 1)}` : "not scored")),
         h("div", { class: "view" }, pane.canvas, pane.state, pane.scene.tracks ? null : h("span", { class: "no-tracks" }, "other road users were not recorded")),
-        h("div", { class: "dash" }, pane.speedNode, pane.toldNode,
+        h("div", { class: "dash" }, h("span", { class: "speeds" }, pane.speedNode, pane.toldNode),
           pane.controls ? null : h("span", { class: "soft" }, "throttle, brake and steering were not recorded"),
           [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
@@ -353,10 +356,10 @@ driveRobust.views.set("episode", (() => {
       const ego = pane.scene.at(tick);
       const told = pane.scene.told(tick);
       pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
-      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)}` : "";
+      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "";
       for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
       pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
-      const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => span.signal);
+      const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => SIGNALS[span.signal] || `camera ${span.signal}`);
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
       const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
@@ -400,13 +403,6 @@ driveRobust.views.set("episode", (() => {
           }
           context.stroke();
         }
-        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
-        context.fillStyle = colours.page;
-        context.globalAlpha = 0.8;
-        context.fillRect(3, top + 2, context.measureText(words).width + 7, 15);
-        context.globalAlpha = 1;
-        context.fillStyle = colours.faint;
-        context.fillText(words, 6, top + 13);
         top += high;
       }
       this.drawSeconds(context, width, height);
@@ -424,6 +420,24 @@ driveRobust.views.set("episode", (() => {
         context.stroke();
         context.setLineDash([]);
       }
+      this.nameStrips(context, rows, width, height, fastest);
+    }
+
+    /* The names stand at the right end, above all lines: what went wrong is mostly at the left, before a car stands still. */
+    nameStrips(context, rows, width, height, fastest) {
+      context.textAlign = "right";
+      context.lineWidth = 4;
+      context.lineJoin = "round";
+      context.strokeStyle = this.colours.page;
+      context.fillStyle = this.colours.faint;
+      let top = 0;
+      for (const [name, share] of rows) {
+        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
+        context.strokeText(words, width - 8, top + 13);
+        context.fillText(words, width - 8, top + 13);
+        top += height * share;
+      }
+      context.textAlign = "left";
     }
 
     /* The axis of time below the strips. */

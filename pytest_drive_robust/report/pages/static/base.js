@@ -119,6 +119,11 @@ const driveRobust = (() => {
     return `${count} ${word}${count === 1 ? "" : "s"}`;
   }
 
+  /* Return a text that may break behind a comma and within a name of several words, where a narrow screen would break it between any two letters. */
+  function breakable(text) {
+    return text.split(/(?<=,)|(?<=[a-z])(?=[A-Z])/).flatMap((part, at) => (at ? [h("wbr", {}), part] : [part]));
+  }
+
   const VERDICTS = {
     pass: { sign: "\u2713", word: "pass" },
     fail: { sign: "\u2717", word: "fail" },
@@ -141,7 +146,7 @@ const driveRobust = (() => {
   }
 
   return {
-    give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, badge,
+    give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, breakable, badge,
     tell, scroller,
   };
 })();

@@ -16,7 +16,7 @@ driveRobust.episodes = (() => {
       return {
         number, run: of, route, routeNumber: places.get(route), place: run.routes[places.get(route)],
         agent: word(columns.agent[number]), setting: word(columns.setting[number]), seed: columns.seed[number],
-        outcome: word(columns.outcome[number]), end: word(columns.end[number]), story: word(columns.story[number]),
+        outcome: word(columns.outcome[number]), end: untimed(word(columns.end[number])), story: word(columns.story[number]),
         ds: columns.ds[number], success: columns.success[number] === 1, scored: columns.ds[number] !== null,
         completion: columns.completion[number], efficiency: columns.efficiency[number], comfort: columns.comfort[number],
         seconds: columns.seconds[number], dt: columns.dt[number], clean: columns.clean[number] === 1, wall: columns.wall[number], twin: columns.twin[number],
@@ -28,6 +28,11 @@ driveRobust.episodes = (() => {
     });
     run.clusters.forEach((cluster, number) => cluster.episodes.forEach((episode) => { rows[episode].cluster = number; }));
     return rows;
+  }
+
+  /* Return how an episode ended without its second: every view shows the second beside these words, rounded as all others are. */
+  function untimed(end) {
+    return end.replace(/^(reached the end|left the route) at \d+\.\d s$/, "$1");
   }
 
   function own() {

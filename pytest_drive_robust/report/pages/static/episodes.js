@@ -1,7 +1,7 @@
 "use strict";
 /* All episodes: search, filter, sort. Also the table of episodes that other views show. */
 driveRobust.episodeTable = (() => {
-  const { h, fixed, seconds, scroller } = driveRobust;
+  const { h, fixed, seconds, breakable, scroller } = driveRobust;
   const STEP = 200;
   const COLUMNS = [
     ["scenario", (item) => item.place.scenario, false], ["route", (item) => item.route, false], ["setting", (item) => item.setting, false],
@@ -35,7 +35,7 @@ driveRobust.episodeTable = (() => {
       body.replaceChildren(...episodes.slice(0, count).map((item, at) => {
         const href = driveRobust.episodes.href(item, driveRobust.episodes.moment(item));
         const cells = columns.map(([name, of]) => {
-          if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, item.place.scenario));
+          if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, breakable(item.place.scenario)));
           if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}`, "data-label": "DS" }, fixed(item.ds, 1));
           if (name === "clean DS") return h("td", { class: "number twin" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
           if (name === "driven") return h("td", { class: "number driven" }, seconds(item.seconds));

@@ -1,7 +1,7 @@
 "use strict";
 /* One requirement: limit, value, interval, how the evidence grew, the routes behind it. */
 driveRobust.views.set("requirement", (() => {
-  const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, scroller } = driveRobust;
+  const { h, link, shown, shownBeside, shownLimit, between, counted, badge, seconds, fixed, breakable, scroller } = driveRobust;
 
   function render([agent, sentence], query) {
     const item = driveRobust.requirementsCalled(agent, sentence)[Number(query.get("number") || 0)];
@@ -18,7 +18,7 @@ driveRobust.views.set("requirement", (() => {
         broken(item),
         worst(item),
         h("div", { class: routes.some(({ twin }) => twin) ? "columns" : "columns single" },
-          item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthWords(item)) : null,
+          item.growth.length ? h("section", {}, h("h2", {}, "How the evidence grew"), driveRobust.charts.growth(item), growthKey(item), growthWords(item)) : null,
           scatter(routes)),
         table(routes),
         h("p", { class: "soft" }, `test ${item.nodeid}`),
@@ -32,6 +32,11 @@ driveRobust.views.set("requirement", (() => {
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
     const where = item.rule === "evidence" ? " on routes like these" : "";
     return `${item.metric} is ${shownBeside(item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
+  }
+
+  function growthKey(item) {
+    const band = item.growth.some((point) => point[2] !== null || point[3] !== null) ? `; pale: its ${item.level} interval` : "";
+    return h("p", { class: "soft" }, `Line: ${item.metric} of the routes read so far${band}; shaded: beyond the limit.`);
   }
 
   function growthWords(item) {
@@ -69,9 +74,9 @@ driveRobust.views.set("requirement", (() => {
       const episode = all[number];
       const twin = twinOf(episode);
       return h("li", {},
-        h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, `${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`, episode.trace ? h("span", { class: "go" }, " watch") : null),
+        h("a", { href: driveRobust.episodes.href(episode, driveRobust.episodes.moment(episode)) }, breakable(`${episode.place.scenario} ${episode.route}${item.seeds.length > 1 ? `, seed ${episode.seed}` : ""}`), episode.trace ? h("span", { class: "go" }, " watch") : null),
         h("p", {}, twin ? [h("span", { class: "of clean" }, `clean ${numbers(cleanValue, twin.ds)}`), " \u2192 "] : null, h("span", { class: "of perturbed" }, numbers(value, episode.ds))),
-        h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; parted at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
+        h("p", { class: "soft" }, episode.story, episode.parted !== null ? `; diverged at ${seconds(episode.parted)} ${episode.partedBy}` : ""));
     })));
   }
 
