@@ -148,7 +148,8 @@ def blame(call: str, error: BaseException, verb: str = "raised") -> str:
 
 def _in_words(error: BaseException, depth: int = 0) -> str:
     """Return the last line of an error's traceback, then its notes, then the errors that a group holds."""
-    told = traceback.TracebackException(type(error), error, None, compact=True)
+    # `limit=0`: no frame is shown here, and those of nested groups take long to extract
+    told = traceback.TracebackException(type(error), error, None, limit=0, compact=True)
     told.__notes__ = None  # type: ignore[attr-defined]  # notes would be the last lines
     noted = getattr(error, "__notes__", ())
     notes = noted if isinstance(noted, (list, tuple)) else (noted,)
