@@ -7,7 +7,7 @@ import math
 _CONTROLS = {code: f"\\x{code:02x}" for code in (*range(32), 127) if chr(code) not in "\t\n"}
 
 _SHARES = ("RD", "SR")
-_SHORT_S = 30.0
+_SHORT_S = 15.0
 _ROUNDING = 1e-9
 """The difference up to which two numbers count as equal, as in every verdict rule."""
 _MOST_DECIMALS = 9
@@ -79,14 +79,8 @@ def duration_text(seconds: float) -> str:
 
 
 def left_text(seconds: float) -> str:
-    """Return `"about 2.5 min"`; `"less than 30 s"` when a single verdict changes the estimate too much.
-
-    No shorter time is named, so that the text never seems to go up from `"about 16 s"` to `"less than 30 s"`.
-
-    >>> left_text(150), left_text(30), left_text(16)
-    ('about 2.5 min', 'about 30 s', 'less than 30 s')
-    """
-    return f"less than {_SHORT_S:.0f} s" if seconds < _SHORT_S else f"about {duration_text(seconds)}"
+    """Return `"about 2.5 min"`; `"less than 30 s"` below 15 s, where a single verdict changes the estimate too much."""
+    return f"less than {2 * _SHORT_S:.0f} s" if seconds < _SHORT_S else f"about {duration_text(seconds)}"
 
 
 def legible(text: str, *, controls: bool = False) -> str:
