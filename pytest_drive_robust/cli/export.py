@@ -107,7 +107,7 @@ def _write_official(options: argparse.Namespace) -> int:
             say(f"  {item.broken} ended as infra_error: official tools read a crashed simulation and count it as 0")
         if item.logs < item.records:
             say(
-                f"  {item.records - item.logs} have no metric_info.json, because their ticks were not found: the "
+                f"  {item.records - item.logs} without metric_info.json, because their ticks were not found: the "
                 "official smoothness tool stops there. Name the folder of their episodes with --episodes."
             )
     say(f"for the official ability tool: CARLA_ROOT={Path(options.folder) / CARLA_FOLDER}, and the set's routes.xml")

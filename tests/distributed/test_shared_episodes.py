@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 CRASHING = '''
+import signal
 
 class Crashing:
     """Kills its process in the first episode of the run that starts, once."""
@@ -19,7 +20,7 @@ class Crashing:
             flag.touch(exist_ok=False)
         except FileExistsError:
             return
-        os._exit(1)
+        os.kill(os.getpid(), signal.SIGKILL)
 
     def act(self, observation):
         return Control(throttle=1.0)

@@ -40,7 +40,7 @@ def test_a_plugin_that_cannot_be_used_exits_with_4_and_one_message(
 @pytest.mark.parametrize(
     ("hook", "told"),
     [
-        ("(reg): pass", "whose pytest_drive_robust_register(reg) raised TypeError: "),
+        ("(reg): pass", "but its pytest_drive_robust_register(reg) raised TypeError: "),
         ("(registry): 1 / 0", "raised ZeroDivisionError: division by zero ("),
         ("(registry): raise SystemExit('no licence')", "raised SystemExit: no licence ("),
         ("(registry): registry.register_metric('DS', len)", "'DS' is a built-in metric"),

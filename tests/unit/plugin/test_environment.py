@@ -33,7 +33,7 @@ def test_a_variable_of_a_test_is_told_once_also_where_it_is_put_back(item: Any) 
     drive(item)
     del os.environ["OF_A_TEST"]
     drive(item)
-    assert [warning.count("of then: OF_A_TEST. Set it") for warning in item.warnings] == [1]
+    assert [warning.count("collected: OF_A_TEST. The agent") for warning in item.warnings] == [1]
     assert "OF_A_TEST" not in environment_of(item.config)
 
 
@@ -47,4 +47,4 @@ def test_many_variables_are_told_by_the_first_ones(item: Any, monkeypatch: pytes
     for number in range(7):
         monkeypatch.setenv(f"AA{number}", "1")
     drive(item)
-    assert ["AA0, AA1, AA2, AA3, AA4 and 2 more. Set it" in warning for warning in item.warnings] == [True]
+    assert ["AA0, AA1, AA2, AA3, AA4 and 2 more. The agent" in warning for warning in item.warnings] == [True]

@@ -159,7 +159,7 @@ def test_agents_with_other_options_are_other_agents_to_the_store() -> None:
         ("mine:keen=yes", "true or false"),
         ("mine:speed=", "NAME=VALUE"),
         ("mine:speed=4+mode", "NAME=VALUE"),
-        ("mine:speed=4+speed=5", "each name once"),
+        ("mine:speed=4+speed=5", "each NAME once"),
         ("bare:speed=4", "speed"),
     ],
 )

@@ -110,7 +110,10 @@ def test_severities_of_a_class_that_nobody_made_a_dataclass_are_refused_with_wha
         {"__annotations__": {"gain": float}, "phrase": "dimmed {gain}"},
         {"__annotations__": {"gain": "float"}, "gain": 0.5},
     ):
-        with pytest.raises(PluginError, match=r"has 'gain', but is no dataclass.*write @dataclass above the class"):
+        with pytest.raises(
+            PluginError,
+            match=r"has 'gain', which is no severity, because the class is no dataclass: write @dataclass above the class",
+        ):
             Registry().register_perturbation(type("Dimmed", (Perturbation,), body))
 
 

@@ -252,7 +252,7 @@ def test_an_entry_point_of_a_built_in_name_is_told_what_can_be_done_about_it(ins
 
 @pytest.mark.parametrize(
     ("entry", "message"),
-    [("DS", "'DS' is a built-in metric and keeps its meaning"), ("top speed", "Call it 'top_speed', say")],
+    [("DS", "'DS' is a built-in metric and keeps its meaning"), ("top speed", "Call it 'top_speed', for example")],
 )
 def test_a_metric_of_an_entry_point_that_no_sentence_reaches_is_told(
     install: Install, entry: str, message: str

@@ -56,7 +56,7 @@ def test_ticks_that_are_not_stored_are_told_of(project, tmp_path, capsys):
         (["--format", "csv", "--route", "3902"], "Did you mean '3901'"),
         (["--format", "csv", "--episodes", "a", "--episodes", "b"], "--episodes is given 2 times"),
         (["--format", "csv", "--episodes", "nowhere"], "--episodes is 'nowhere', expected a folder of stored episodes"),
-        ([], "give DIR"),
+        ([], "Give DIR"),
         (["somewhere", "--seed", "0"], "Give DIR without --agent"),
     ],
     ids=str,
