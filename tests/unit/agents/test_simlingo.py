@@ -76,7 +76,6 @@ def agent(**options: Any) -> tuple[SimLingo, Scripted]:
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    torch.set_num_threads(1)
     torch.manual_seed(0)
     options = TrainingOptions("simlingo", 1, 4, 1e-3, 0.0, 1.0)
     return write_weights(SimLingoNet(SimLingoSpec()), tmp_path_factory.mktemp("weights"), options=options, step=0)

@@ -64,7 +64,6 @@ def driver(network: Scripted, mode: Mode = "traj", **options: Any) -> TCP:
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    torch.set_num_threads(1)
     torch.manual_seed(0)
     options = TrainingOptions("tcp", 1, 4, 1e-3, 0.0, 1.0)
     return write_weights(TcpNet(SMALL), tmp_path_factory.mktemp("weights"), options=options, step=0)

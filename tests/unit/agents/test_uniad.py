@@ -61,7 +61,6 @@ def seen(tick: int, *, seed: int = 0, speed: float = 4.0) -> Observation:
 
 @pytest.fixture(scope="module")
 def weights(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    torch.set_num_threads(1)
     torch.manual_seed(0)
     options = TrainingOptions("uniad", 1, 4, 1e-3, 0.0, 1.0)
     return write_weights(UniadNet(UniadSpec()), tmp_path_factory.mktemp("weights"), options=options, step=0)

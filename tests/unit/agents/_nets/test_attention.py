@@ -12,8 +12,7 @@ from drive_robust_agents._nets.attention import Attention, DecoderLayer, attend
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
+def _seed() -> None:
     torch.manual_seed(5)
 
 

@@ -26,11 +26,6 @@ CENTRES = torch.from_numpy(SPEC.centres())
 COLUMNS = SPEC.image_width_px // SPEC.token_px
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def cell_of(x: float, y: float) -> tuple[int, int]:
     away = np.hypot(*(SPEC.centres() - np.float32([x, y])).transpose(2, 0, 1))
     row, column = np.unravel_index(int(away.argmin()), away.shape)

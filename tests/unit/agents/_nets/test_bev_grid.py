@@ -22,11 +22,6 @@ SPEC = BevSpec()
 CENTRES = torch.from_numpy(SPEC.centres())
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_cells_fill_the_range_and_are_narrow_in_the_middle() -> None:
     sizes = SPEC.sizes()
     assert sizes[..., 0].sum(axis=0) == pytest.approx(80.0, rel=1e-5)

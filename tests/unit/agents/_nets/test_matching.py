@@ -10,11 +10,6 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.matching import match  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_the_match_is_the_cheapest_and_leaves_out_what_is_not_there() -> None:
     cost = torch.tensor([[[1.0, 0.0, 9.0], [0.9, 8.0, 9.0], [5.0, 5.0, 0.0]], [[3.0, 2.0, 1.0]] * 3])
     found = match(cost, torch.tensor([[True, True, False], [False, False, False]]))

@@ -14,11 +14,6 @@ from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.tcp import TcpNet, TcpSpec, beta_mode
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def inputs(rows: int) -> dict[str, torch.Tensor]:
     generator = torch.Generator().manual_seed(2)
     return {

@@ -20,11 +20,6 @@ from drive_robust_agents._nets.uniad_heads import MapView, PriorAgents  # noqa: 
 Inputs = dict[str, torch.Tensor]
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture(scope="module")
 def net() -> UniadNet:
     torch.manual_seed(0)

@@ -10,11 +10,6 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture(scope="module")
 def net() -> VadNet:
     torch.manual_seed(0)

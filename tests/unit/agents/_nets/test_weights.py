@@ -27,11 +27,6 @@ from pytest_drive_robust.errors import UsageError
 NETWORK = "tcp:TcpNet"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     return published(tmp_path)

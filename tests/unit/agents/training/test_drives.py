@@ -14,11 +14,6 @@ from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.domain.result import EpisodeResult
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def results(*completion: float) -> list[EpisodeResult]:
     ends = [End.COMPLETED if value == 100.0 else End.STUCK for value in completion]
     return [make_result(str(k), completion_pct=completion[k], end=end) for k, end in enumerate(ends)]

@@ -23,11 +23,6 @@ from drive_robust_agents.training.__main__ import main  # noqa: E402
 from drive_robust_agents.training.instructions import InstructionScore, obeys, table  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def plans(waypoint_m: float, aside_m: float = 0.0) -> tuple[NDArray[Any], NDArray[Any]]:
     """A straight path that ends so far to the right, and waypoints so many metres apart."""
     path = np.stack([np.arange(1.0, 21.0), aside_m * np.arange(1.0, 21.0) / 20.0], axis=1)

@@ -34,11 +34,6 @@ RIG = ["front_left", "front", "front_right"]
 FAKE = "pytest_drive_robust.testing:FakeSimulator"
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cameras = dict.fromkeys(RIG, (96, 160))

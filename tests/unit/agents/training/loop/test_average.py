@@ -12,11 +12,6 @@ from tiny_tcp import tiny_net
 from drive_robust_agents.training.loop.average import Average
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_the_average_follows_slowly_and_moves_statistics_too() -> None:
     net = tiny_net()
     average = Average(net)

@@ -12,11 +12,6 @@ from rich.console import Console
 from drive_robust_agents.training.loop.progress import Display
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_progress_is_told_in_lines_where_there_is_no_terminal(capsys: pytest.CaptureFixture[str]) -> None:
     shown = Display(total=2, done=0, batch=8, console=Console(force_terminal=False, width=200))
     with shown:

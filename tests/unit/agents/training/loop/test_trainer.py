@@ -27,11 +27,6 @@ from drive_robust_agents.training.recipes.tcp import TcpRecipe
 from pytest_drive_robust.errors import UsageError
 
 
-@pytest.fixture(scope="module", autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture(scope="module")
 def frames(tmp_path_factory: pytest.TempPathFactory) -> Frames:
     return Frames(write_frames(tmp_path_factory.mktemp("frames"), rows=96, cameras=CAMERAS, episodes=8))

@@ -14,11 +14,6 @@ from drive_robust_agents.training.recipes.bev_inputs import bev_inputs, driven_i
 from drive_robust_agents.training.recipes.vad import VadRecipe  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 @pytest.fixture(scope="module")
 def net() -> VadNet:
     torch.manual_seed(0)

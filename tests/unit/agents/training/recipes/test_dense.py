@@ -11,11 +11,6 @@ from drive_robust_agents.training.recipes.dense import CHANNELS, dense_targets  
 from pytest_drive_robust.domain.truth import ActorKind  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_a_cell_is_labelled_by_the_body_that_covers_it_and_the_lines_through_it() -> None:
     boxes = torch.zeros(1, 2, 9)
     boxes[0, 0] = torch.tensor([20.0, 5.0, 1.0, 0.0, 8.0, 2.0, 0.0, ActorKind.TRUCK, 1.0])

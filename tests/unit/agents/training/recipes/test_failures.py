@@ -30,11 +30,6 @@ Batch = dict[str, torch.Tensor]
 AROUND = pytest.mark.parametrize("agent", ["uniad", "vad"])
 
 
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def rng(seed: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(seed))
 

@@ -23,11 +23,6 @@ from drive_robust_agents.training.instructions import ASKED, NEEDS, examine, sco
 from drive_robust_agents.training.recipes.simlingo import MIX, SimLingoRecipe, talk  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def _one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def generator(seed: int = 0) -> np.random.Generator:
     return np.random.Generator(np.random.Philox(seed))
 
@@ -131,7 +126,6 @@ class Trained(NamedTuple):
 @pytest.fixture(scope="module")
 def trained() -> Trained:
     """A small network after some seconds of training on eight pictures, most of it with instructions."""
-    torch.set_num_threads(1)
     torch.manual_seed(0)
     recipe, given = SimLingoRecipe(talking=4.0, mix={"follow": 0.85, "comment": 0.15}), samples(8)
     net, steps, history = recipe.make(asdict(SMALL)), 140, []

@@ -15,11 +15,6 @@ from drive_robust_agents.training.recipes.uniad import UniadRecipe  # noqa: E402
 Batch = dict[str, torch.Tensor]
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def samples(count: int) -> Batch:
     arrays = bev_samples(count)
     facts = np.full((count, 16), 100.0, dtype=np.float32)

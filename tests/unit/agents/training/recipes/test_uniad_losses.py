@@ -21,11 +21,6 @@ from drive_robust_agents.training.recipes.uniad_losses import (  # noqa: E402
 NAN = float("nan")
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def box(x: float, y: float, yaw: float, length: float, width: float, kind: int = 0) -> torch.Tensor:
     return torch.tensor([[[x, y, math.sin(yaw), math.cos(yaw), length, width, 3.0, kind, 1.0]]])
 

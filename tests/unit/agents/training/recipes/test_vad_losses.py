@@ -12,11 +12,6 @@ from drive_robust_agents.training.recipes.vad_losses import class_of, lane_loss,
 from pytest_drive_robust.domain.truth import ActorKind  # noqa: E402
 
 
-@pytest.fixture(autouse=True)
-def one_thread() -> None:
-    torch.set_num_threads(1)
-
-
 def test_every_kind_of_actor_has_a_class() -> None:
     kinds = torch.tensor([float(kind) for kind in ActorKind])
     classes = dict(zip(ActorKind, class_of(kinds).tolist(), strict=True))
