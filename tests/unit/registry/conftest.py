@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-
-Install = Callable[..., None]
+from registry_samples import Install
 
 
 @pytest.fixture

@@ -5,15 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from registry_samples import scripted
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import ScriptedAgent
-
-
-def _scripted() -> ScriptedAgent:
-    return ScriptedAgent([Control()])
 
 
 def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
@@ -32,7 +29,7 @@ def test_an_agent_without_act_is_refused_by_the_name_of_the_method() -> None:
 def test_what_an_agent_has_from_its_constructor_counts() -> None:
     class Delegates:
         def __init__(self) -> None:
-            other = _scripted()
+            other = scripted()
             self.sensors, self.reset, self.act = other.sensors, other.reset, other.act
 
     registry = Registry()
@@ -59,7 +56,7 @@ def test_a_factory_that_gives_a_class_is_told_about_the_brackets() -> None:
 
 def test_what_is_no_simulator_is_refused_by_its_missing_members() -> None:
     registry = Registry()
-    registry.register_simulator("agent", lambda options: _scripted())  # type: ignore[arg-type, return-value]
+    registry.register_simulator("agent", lambda options: scripted())  # type: ignore[arg-type, return-value]
     with pytest.raises(PluginError, match=r"lacks close, done, dt_s, .*step"):
         registry.simulator("agent")
 

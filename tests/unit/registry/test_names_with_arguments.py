@@ -5,15 +5,12 @@ from __future__ import annotations
 import sys
 
 import pytest
+from registry_samples import scripted
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
-
-
-def _scripted() -> ScriptedAgent:
-    return ScriptedAgent([Control()])
 
 
 @pytest.fixture
@@ -100,6 +97,6 @@ def test_names_without_an_argument_take_none(several_kinds):
 
 
 def test_an_agent_is_given_options_by_name(several_kinds):
-    several_kinds.register_agent("plain", _scripted)
+    several_kinds.register_agent("plain", scripted)
     with pytest.raises(UsageError, match="the agent 'plain' has no option '8': give options as plain:NAME=VALUE"):
         several_kinds.agent("plain:8")

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import pytest
+from registry_samples import Install, NoisyWheel
 
 from pytest_drive_robust.errors import PluginError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.registry.registry import Registry
-
-Install = Callable[..., None]
-
-
-@dataclass
-class NoisyWheel(Perturbation):
-    gain: float = 0.5
-    phrase = "noisy wheel {gain}"
 
 
 def test_a_broken_perturbation_is_left_out_of_all_and_told_as_a_problem(install: Install) -> None:

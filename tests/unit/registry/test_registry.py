@@ -4,34 +4,17 @@ from __future__ import annotations
 
 import functools
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from registry_samples import AGENT, Install, NoisyWheel, scripted
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
 from pytest_drive_robust.perturbations import GpsNoise
-from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.registry.registry import Registry, default_registry, forget_names, hide_names
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
-
-Install = Callable[..., None]
-
-AGENT = """
-class Agent:
-    def sensors(self): return []
-    def reset(self, route, seed): pass
-    def act(self, observation): return None
-"""
-
-
-@dataclass
-class NoisyWheel(Perturbation):
-    gain: float = 0.5
-    phrase = "noisy wheel {gain}"
 
 
 def test_an_entry_point_is_listed_with_its_distribution_without_being_imported(install: Install) -> None:
@@ -79,14 +62,14 @@ def test_a_name_of_two_distributions_is_an_error_that_names_both_when_it_is_aske
 def test_a_registered_name_wins_over_an_entry_point(install: Install) -> None:
     install("plain-agents", "1.0", group="agents", entry="mine", source=AGENT + "Entry = Agent")
     registry = Registry()
-    registry.register_agent("mine", _scripted)
+    registry.register_agent("mine", scripted)
     assert isinstance(registry.agent("mine"), ScriptedAgent)
 
 
 def test_a_name_registered_by_two_definitions_is_an_error_that_names_both() -> None:
     registry = Registry()
-    registry.register_agent("mine", _scripted)
-    with pytest.raises(UsageError, match=r"registered twice: by .*_scripted and by .*_other_scripted"):
+    registry.register_agent("mine", scripted)
+    with pytest.raises(UsageError, match=r"registered twice: by .*scripted and by .*_other_scripted"):
         registry.register_agent("mine", _other_scripted)
 
 
@@ -183,19 +166,19 @@ def test_a_required_name_is_loaded_but_nothing_is_made_of_it(install: Install) -
 @pytest.mark.parametrize("name", ["", "a:b", " padded"])
 def test_a_name_that_could_never_be_typed_is_refused(name: str) -> None:
     with pytest.raises(UsageError, match="cannot be a name of agents"):
-        Registry().register_agent(name, _scripted)
+        Registry().register_agent(name, scripted)
 
 
 def test_an_object_in_place_of_a_factory_is_refused() -> None:
     with pytest.raises(UsageError, match="expected a class or a function"):
-        Registry().register_agent("object", _scripted())  # type: ignore[arg-type]
+        Registry().register_agent("object", scripted())  # type: ignore[arg-type]
 
 
 def test_a_registered_agent_is_listed_with_the_file_of_its_definition() -> None:
     registry = Registry()
-    registry.register_agent("partial", functools.partial(_scripted))
+    registry.register_agent("partial", functools.partial(scripted))
     ((_, origin),) = [row for row in registry.names("agents") if row[0] == "partial"]
-    assert origin.endswith("test_registry.py:_scripted")
+    assert origin.endswith("registry_samples.py:scripted")
 
 
 def test_the_builtins_are_there() -> None:
@@ -214,10 +197,6 @@ def _of_speed(speed_mps: float) -> ScriptedAgent:
     return ScriptedAgent([Control(throttle=speed_mps / 10.0)])
 
 
-def _scripted() -> ScriptedAgent:
-    return ScriptedAgent([Control()])
-
-
 def _other_scripted() -> ScriptedAgent:
     return ScriptedAgent([Control(brake=1.0)])
 
@@ -226,7 +205,7 @@ def test_names_of_a_session_inside_another_are_forgotten_and_those_around_it_com
     kept = hide_names()
     try:
         outer = default_registry()
-        outer.register_agent("mine", _scripted)
+        outer.register_agent("mine", scripted)
         inside = hide_names()
         assert "mine" not in dict(default_registry().names("agents"))
         forget_names(inside)

@@ -3,34 +3,18 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from registry_samples import AGENT, Install, scripted
 
-from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.errors import PluginError, UnknownNameError
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.testing import ScriptedAgent
-
-Install = Callable[..., None]
-
-
-AGENT = """
-class Agent:
-    def sensors(self): return []
-    def reset(self, route, seed): pass
-    def act(self, observation): return None
-"""
-
-
-def _scripted() -> ScriptedAgent:
-    return ScriptedAgent([Control()])
 
 
 def test_an_unknown_name_is_answered_with_the_nearest_one_and_how_to_register() -> None:
     registry = Registry()
-    registry.register_agent("expert-driver", _scripted)
+    registry.register_agent("expert-driver", scripted)
     with pytest.raises(UnknownNameError, match=r"Did you mean 'expert-driver'\?.*module:Class"):
         registry.agent("expert-drivr")
     with pytest.raises(UnknownNameError, match="Did you mean 'gps-noise'"):
@@ -72,7 +56,7 @@ def test_half_a_reference_is_an_unknown_name(half: str) -> None:
 
 def test_a_name_of_one_kind_is_none_of_another():
     registry = Registry()
-    registry.register_agent("mine", _scripted)
+    registry.register_agent("mine", scripted)
     assert "mine" not in dict(registry.names("simulators"))
     with pytest.raises(UnknownNameError, match="no simulator named 'mine'"):
         registry.simulator("mine")
