@@ -18,6 +18,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 __all__ = [
     "AgentError",
@@ -111,3 +112,11 @@ def first_few(names: Sequence[str], most: int) -> str:
     """Return `"a, b and 3 more"`: the first `most` names, and the number of the others."""
     more = len(names) - most
     return ", ".join(names[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def from_here(path: Path) -> Path:
+    """Return a path as messages show it: relative to the current folder if it lies below that folder."""
+    try:
+        return path.relative_to(Path.cwd())
+    except (ValueError, OSError):  # it lies elsewhere, or the current folder is gone
+        return path

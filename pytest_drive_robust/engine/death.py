@@ -11,6 +11,7 @@ from pathlib import Path
 
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.engine.shared_state import CUT_OFF, StateReading
+from pytest_drive_robust.errors import from_here
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
 
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
@@ -99,8 +100,7 @@ def place_of_fault(printed: str) -> str:
     if not outside:
         return ""
     path, line, name = outside[0]
-    here = Path.cwd()
-    return f" ({path.relative_to(here) if path.is_relative_to(here) else path}:{line} in {name})"
+    return f" ({from_here(path)}:{line} in {name})"
 
 
 def _too_late(death: Death, where: str, place: str) -> Explanation:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from pytest_drive_robust import __version__
+from pytest_drive_robust.errors import from_here
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.xdist import SharedRunRecord
@@ -157,8 +158,7 @@ class RunOutputs:
             except Exception as error:
                 parts.append(f"the table could not be drawn: {_reason(error)}")
         if self._page is not None:
-            here = self._page.is_relative_to(Path.cwd())
-            parts.append(f"report: {self._page.relative_to(Path.cwd()) if here else self._page}")
+            parts.append(f"report: {from_here(self._page)}")
         return "\n".join(part for part in (*parts, *self._problems) if part)
 
     def _build(self) -> RunResult:

@@ -13,7 +13,14 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.errors import DriveRobustError, PluginError, UnknownNameError, UsageError, did_you_mean
+from pytest_drive_robust.errors import (
+    DriveRobustError,
+    PluginError,
+    UnknownNameError,
+    UsageError,
+    did_you_mean,
+    from_here,
+)
 from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.registry.raised_at import raised_at
 
@@ -256,7 +263,5 @@ def definition_of(target: object) -> str:
     filename = code.co_filename if code is not None else None
     if filename is None or filename.startswith("<"):
         return f"{getattr(target, '__module__', 'unknown module')}:{name}"
-    path = Path(filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
     line = f":{code.co_firstlineno}" if "<" in name and code is not None else ""
-    return f"{shown}:{name}{line}"
+    return f"{from_here(Path(filename))}:{name}{line}"

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from pytest_drive_robust.errors import DriveRobustError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError, from_here
 from pytest_drive_robust.registry.raised_at import raised_at
 
 if TYPE_CHECKING:
@@ -134,9 +134,7 @@ def _place_in(module: ModuleType, error: BaseException) -> str:
 
 
 def _word(module: str, file: Path) -> str:
-    if file.name != _CONFTEST:
-        return module
-    return (file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file).as_posix()
+    return from_here(file).as_posix() if file.name == _CONFTEST else module
 
 
 def _folder_and_name(file: Path) -> tuple[Path, str]:

@@ -7,6 +7,8 @@ import os
 import traceback
 from pathlib import Path
 
+from pytest_drive_robust.errors import from_here
+
 _CALLERS = tuple(str(folder) + os.sep for folder in (Path(__file__).parents[1], Path(importlib.__file__).parent))
 """Our folder and that of importlib: their code calls that of a user."""
 
@@ -18,6 +20,4 @@ def raised_at(error: BaseException) -> str:
     if not others:
         return ""
     frame = [frame for frame in others if frame.filename == others[0].filename][-1]
-    path = Path(frame.filename)
-    shown = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
-    return f" ({shown}:{frame.lineno})"
+    return f" ({from_here(Path(frame.filename))}:{frame.lineno})"

@@ -17,7 +17,7 @@ from pytest_drive_robust.bench2drive.agent_argument import require_configuration
 from pytest_drive_robust.bench2drive.agents.adapter import OfficialAgent
 from pytest_drive_robust.bench2drive.agents.stand_ins.finder import install_stand_ins
 from pytest_drive_robust.bench2drive.asked_variables import asked_variables
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError, from_here
 from pytest_drive_robust.runner.cache_key.source_files import code_digest
 
 _METHODS = ("setup", "sensors", "run_step", "set_global_plan", "destroy")
@@ -99,20 +99,20 @@ def _agent_class(file: Path) -> type:
     entry_point = getattr(module, "get_entry_point", None)
     if not callable(entry_point):
         raise UsageError(
-            f"{_shown(file)} has no get_entry_point: expected a function of that name that returns the name of the "
+            f"{from_here(file)} has no get_entry_point: expected a function of that name that returns the name of the "
             "agent's class, as the leaderboard asks for."
         )
     name: object = entry_point()
     if not isinstance(name, str):
-        raise UsageError(f"get_entry_point of {_shown(file)} returned {name!r}, expected the name of a class.")
+        raise UsageError(f"get_entry_point of {from_here(file)} returned {name!r}, expected the name of a class.")
     found = getattr(module, name, None)
     if not isinstance(found, type):
         classes = [known for known, value in vars(module).items() if isinstance(value, type)]
-        raise UnknownNameError.of(f"class in {_shown(file)}", name, classes, hint="get_entry_point names it.")
+        raise UnknownNameError.of(f"class in {from_here(file)}", name, classes, hint="get_entry_point names it.")
     missing = [method for method in _METHODS if not callable(getattr(found, method, None))]
     if missing:
         raise UsageError(
-            f"{name} of {_shown(file)} lacks {', '.join(missing)}: expected a subclass of "
+            f"{name} of {from_here(file)} lacks {', '.join(missing)}: expected a subclass of "
             "leaderboard.autoagents.autonomous_agent.AutonomousAgent."
         )
     return found
@@ -137,7 +137,7 @@ def _imported(file: Path) -> ModuleType:
         del sys.modules[name]
         if isinstance(error, (Exception, SystemExit)):
             raise UsageError(
-                f"the agent file {_shown(file)} cannot be imported: {type(error).__name__}: {error}. Its folder and "
+                f"the agent file {from_here(file)} cannot be imported: {type(error).__name__}: {error}. Its folder and "
                 f"the current one, {os.getcwd()}, were on sys.path."
             ) from error
         raise
@@ -158,8 +158,3 @@ def _module_name(file: Path) -> str:
     if origin is not None and Path(origin).resolve() == file:
         return name
     return f"{name}_{hashlib.blake2b(str(file).encode(), digest_size=4).hexdigest()}"
-
-
-def _shown(file: Path) -> str:
-    here = Path.cwd()
-    return str(file.relative_to(here)) if file.is_relative_to(here) else str(file)
