@@ -16,8 +16,8 @@ from official_records import official_totals
 from pytest_drive_robust.bench2drive.results.motion_log import Comforts
 from pytest_drive_robust.bench2drive.results.official_totals import score_results
 from pytest_drive_robust.bench2drive.results.quirks import notes_on
-from pytest_drive_robust.bench2drive.results.results_executor import ResultsSource
 from pytest_drive_robust.bench2drive.results.results_file import read_results
+from pytest_drive_robust.bench2drive.results.results_source import ResultsSource
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.errors import UsageError
 

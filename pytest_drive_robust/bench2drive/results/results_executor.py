@@ -2,143 +2,22 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
-from itertools import combinations
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
-from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
-from pytest_drive_robust.bench2drive.results.results_file import UnfinishedFile, read_results
-from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.bench2drive.results.results_option import parse_results
+from pytest_drive_robust.bench2drive.results.results_source import ResultsSource, require_own_drives
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
-from pytest_drive_robust.errors import DriveRobustError, RequirementError, UnknownNameError, UsageError, nearest
+from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import CLEAN
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 
 _MOST_SHOWN = 10
-_OUTER_COMMA = re.compile(r",(?![^()]*\))")
-_UP_TO_OUTER_EQUALS = re.compile(r"(?:\([^()]*\)|[^=(])*")
-
-
-def parse_results(
-    text: str, known: Mapping[str, type[Perturbation]] | None = None, reading: DriveReading | None = None
-) -> dict[str, Path]:
-    """Parse `"clean=DIR,latency 200 ms=DIR2"`; return each path by the sentence of its setting (`str(Setting)`).
-
-    A part without `=` belongs to the path before it, so that paths may have commas. `known` are the perturbation
-    classes (default: the built-in ones), `reading` is applied to the failures, if there is one. Raises `UsageError`,
-    and `RequirementError` for a sentence that does not parse.
-    """
-    parts: list[str] = []
-    for piece in _OUTER_COMMA.split(text):
-        if "=" in piece or not parts:
-            parts.append(piece)
-        else:
-            parts[-1] += f",{piece}"
-    found: dict[str, Path] = {}
-    for part in parts:
-        sentence, equals, path = (word.strip() for word in _named(part))
-        if not (sentence and equals and path):
-            raise UsageError(
-                f"--drive-results holds {part.strip()!r}, expected SETTING=FOLDER as in "
-                '--drive-results "clean=results/clean,200 ms latency=results/latency".'
-            )
-        setting = str(_read_setting(sentence, known).read_as(reading))
-        if setting in found:
-            raise UsageError(f"--drive-results names {setting!r} twice: {str(found[setting])!r} and {path!r}.")
-        found[setting] = Path(path)
-    return found
-
-
-def _named(part: str) -> tuple[str, str, str]:
-    """Cut at the first `=` outside of brackets, as in `200 ms latency (reading=released)=DIR`."""
-    found = _UP_TO_OUTER_EQUALS.match(part)
-    end = 0 if found is None else found.end()
-    return part[:end], part[end : end + 1], part[end + 1 :]
-
-
-def _read_setting(sentence: str, known: Mapping[str, type[Perturbation]] | None) -> Setting:
-    """Parse a setting as `Setting.parse` does; also accept `latency 200 ms` for `200 ms latency`."""
-    try:
-        return Setting.parse(sentence, known)
-    except RequirementError as error:
-        first, _, rest = sentence.partition(" ")
-        try:
-            return Setting.parse(f"{rest} {first}", known)
-        except DriveRobustError:
-            pass  # the first error names what was typed
-        if nearest(sentence, [CLEAN]):
-            raise RequirementError(f"there is no setting {sentence!r}. Did you mean {CLEAN!r}?") from error
-        raise
-
-
-@dataclass(frozen=True)
-class ResultsSource:
-    """The results of one setting; gives the episode of a route and a seed (the record's repetition).
-
-    `unfinished` are the files of an evaluation that has not ended, `planned` is the planned number of episodes, None if
-    it is unknown.
-    """
-
-    setting: str
-    path: Path
-    records: Mapping[tuple[str, int], tuple[OfficialRecord, ...]]
-    folders: tuple[Path, ...]
-    unfinished: tuple[UnfinishedFile, ...] = ()
-    planned: int | None = None
-
-    @classmethod
-    def read(cls, setting: str, path: Path) -> ResultsSource:
-        """Read the results of a setting from a file or folder. Raises `UsageError`."""
-        try:
-            results = read_results(path)
-        except UsageError as error:
-            raise UsageError(f"--drive-results, {setting!r}: {error}") from None
-        found: dict[tuple[str, int], list[OfficialRecord]] = {}
-        for record in results.records:
-            found.setdefault((record.route, record.repetition), []).append(record)
-        records_of = {key: tuple(of_key) for key, of_key in found.items()}
-        return cls(setting, path, records_of, (results.folder,), results.unfinished, results.planned)
-
-    @property
-    def routes(self) -> tuple[Route, ...]:
-        """A route for each id in the results, without waypoints, which verdicts do not need."""
-        first: dict[str, OfficialRecord] = {}
-        for records in self.records.values():
-            first.setdefault(records[0].route, records[0])
-        return tuple(_route(record) for record in first.values())
-
-    def problem(self, episode: Episode, route: Route) -> str:
-        """Return in a clause why the results cannot give an episode; empty if they can."""
-        records = self.records.get((episode.route_id, episode.seed))
-        if records is None:
-            others = [seed for route_id, seed in self.records if route_id == episode.route_id]
-            if not others:
-                return f"route {episode.route_id} is missing"
-            listed = ", ".join(map(str, sorted(others)[:_MOST_SHOWN]))
-            return f"route {episode.route_id} has no repetition {episode.seed}, only {listed}"
-        if len(records) > 1:
-            return f"route {episode.route_id} has {len(records)} records of repetition {episode.seed}, expected one"
-        scenario = records[0].scenario
-        if scenario and scenario != route.scenario.type:
-            return f"route {episode.route_id} is of type {scenario}, the test's route of that id {route.scenario.type}"
-        return ""
-
-    def episode(self, episode: Episode, route: Route) -> EpisodeResult:
-        """Return the result of an episode. Raises `UsageError` if it is missing or its record cannot be used."""
-        problem = self.problem(episode, route)
-        if problem:
-            raise UsageError(f"the results of {self.setting!r} in {str(self.path)!r}: {problem}.")
-        (record,) = self.records[episode.route_id, episode.seed]
-        return episode_of(record, agent=episode.agent, setting=self.setting, folders=self.folders)
 
 
 class ResultsExecutor(Executor):
@@ -165,7 +44,7 @@ class ResultsExecutor(Executor):
         named = parse_results(text, known, reading)
         sources = [ResultsSource.read(setting, (start or Path()) / path) for setting, path in named.items()]
         failing = {name for name in named if (setting := Setting.parse(name, known)).baseline != setting}
-        _require_own_drives(sources, failing)
+        require_own_drives(sources, failing)
         return cls(sources)
 
     @property
@@ -206,7 +85,10 @@ class ResultsExecutor(Executor):
 
     def finished(self, request: EpisodeRequest) -> EpisodeResult:
         """Return the result of the request: every episode is finished already. Raises `UsageError` if it is missing."""
-        return self.submit(request).result()
+        setting = request.episode.setting
+        if setting not in self._sources:
+            raise self._unknown(setting)
+        return self._sources[setting].episode(request.episode, request.route)
 
     def left_out(self, seeds: Collection[int]) -> str:
         """Return a sentence that counts the records of other repetitions than `seeds`; empty if there are none."""
@@ -257,9 +139,7 @@ class ResultsExecutor(Executor):
         future: Future[EpisodeResult] = Future()
         future.set_running_or_notify_cancel()
         try:
-            if request.episode.setting not in self._sources:
-                raise self._unknown(request.episode.setting)
-            future.set_result(self._sources[request.episode.setting].episode(request.episode, request.route))
+            future.set_result(self.finished(request))
         except UsageError as error:
             future.set_exception(error)
         return future
@@ -270,33 +150,3 @@ class ResultsExecutor(Executor):
     def _unknown(self, setting: str) -> UsageError:
         hint = f'Name them with --drive-results "...,{setting}=FOLDER".'
         return UnknownNameError.of("result set of the setting", setting, self._sources, hint=hint)
-
-
-def _require_own_drives(sources: Sequence[ResultsSource], failing: Collection[str]) -> None:
-    """Raise `UsageError` if two settings share a drive and one is in `failing`: that failure would cost nothing.
-
-    Records of our exports are not checked, as they tell their setting, nor drives without a time, as of an agent that
-    broke at once.
-    """
-    for one, other in combinations(sources, 2):
-        if not {one.setting, other.setting} & set(failing):
-            continue  # several settings may be compared with one clean drive
-        for key in one.records.keys() & other.records.keys():
-            again = {_drive_of(record) for record in other.records[key]}
-            for record in one.records[key]:
-                if record.own is None and record.wall_s and _drive_of(record) in again:
-                    raise UsageError(
-                        f"--drive-results: {one.setting!r} in {str(one.path)!r} and {other.setting!r} in "
-                        f"{str(other.path)!r} have the same drive of route {record.route}, with the same time of the "
-                        "day and the same duration. Give each setting the results of its own drives."
-                    )
-
-
-def _drive_of(record: OfficialRecord) -> tuple[object, ...]:
-    """Return values that differ for two drives even with the same outcome: wall time has three decimals."""
-    return record.save_name, record.status, record.score, record.game_s, record.wall_s
-
-
-def _route(record: OfficialRecord) -> Route:
-    scenario = ScenarioSpec(record.scenario, record.scenario, TriggerPoint(0.0, 0.0, 0.0, 0.0))
-    return Route(record.route, record.town, (), scenario)

@@ -17,7 +17,7 @@ from official_records import LISTS, official_totals
 from result_factory import crashed_simulation, infraction, make_result, trace_of
 
 from pytest_drive_robust.bench2drive.results.export import export_run
-from pytest_drive_robust.bench2drive.results.results_executor import ResultsSource
+from pytest_drive_robust.bench2drive.results.results_source import ResultsSource
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 from official_records import document, motion_step, record, write
 
-from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor, ResultsSource, parse_results
+from pytest_drive_robust.bench2drive.results.results_executor import ResultsExecutor
+from pytest_drive_robust.bench2drive.results.results_source import ResultsSource
 from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.errors import ComparisonError, RequirementError, UsageError
+from pytest_drive_robust.errors import ComparisonError, UsageError
 from pytest_drive_robust.metrics.degradation import robustness_degradation
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.metrics.summary import summarize
@@ -37,31 +38,6 @@ def one(tmp_path: Path, item: dict[str, Any]) -> EpisodeResult:
     executor = ResultsExecutor.read(f"clean={write(tmp_path / 'one.json', document(item))}")
     (result,) = answered(executor, tasks_of(executor))
     return result
-
-
-def test_settings_are_read_as_sentences_and_paths_may_hold_commas() -> None:
-    found = parse_results("clean=a,b/c, latency 200 ms = d=e ,occlusion 0.5 and 100ms latency=f")
-    assert found == {
-        "clean": Path("a,b/c"),
-        "200 ms latency": Path("d=e"),
-        "occlusion 0.5 and 100 ms latency": Path("f"),
-    }
-
-
-@pytest.mark.parametrize(
-    ("text", "error", "expected"),
-    [
-        ("clean", UsageError, "expected SETTING=FOLDER"),
-        ("clean=", UsageError, "expected SETTING=FOLDER"),
-        ("=a", UsageError, "expected SETTING=FOLDER"),
-        ("clean=a,CLEAN=b", UsageError, "names 'clean' twice"),
-        ("latncy 200 ms=a", RequirementError, "latncy 200 ms"),
-        ("claen=a", RequirementError, "there is no setting 'claen'. Did you mean 'clean'?"),
-    ],
-)
-def test_what_does_not_name_results_is_refused(text: str, error: type[UsageError], expected: str) -> None:
-    with pytest.raises(error, match=expected):
-        parse_results(text)
 
 
 def test_degradation_of_results_from_elsewhere(tmp_path: Path) -> None:
