@@ -5,9 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from functools import cached_property
-from typing import Any
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import RouteError, UsageError
@@ -18,15 +16,14 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.as_in_worker import in_folder
 from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
 from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
-from pytest_drive_robust.runner.cache_key.source_files import files_of, python_files, source_digest
+from pytest_drive_robust.runner.cache_key.source_files import python_files, source_digest
+from pytest_drive_robust.runner.cache_key.weights import FileStates, states_of_weights
 from pytest_drive_robust.runner.episode.machine import library_versions
 from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.store.events import Identified
-
-_States = tuple[tuple[str, int, int], ...]
 
 
 def simulator_options(options: RunOptions) -> SimulatorOptions:
@@ -47,19 +44,6 @@ def check_severities(setting: Setting, dt_s: float) -> None:
             raise
         except Exception:
             continue
-
-
-def _states_of_weights(factory: object) -> _States:
-    """Return (name, time of change in ns, size in bytes) of each file that a factory names in `weights`."""
-    named: Any = getattr(factory, "weights", None)
-    several = named if isinstance(named, (list, tuple)) else (named,)
-    states = []
-    for path in several:
-        with suppress(OSError, TypeError, ValueError):  # the code that reads the file reports it
-            for name, file in files_of(path):
-                found = os.stat(file)
-                states.append((name, found.st_mtime_ns, found.st_size))
-    return tuple(states)
 
 
 class Scopes:
@@ -86,7 +70,7 @@ class Scopes:
         self._problems: dict[str, list[str]] = {}
         self._routes: dict[str, tuple[Route, ...]] = {}
         self._identities: dict[str, str] = {}
-        self._weights: dict[str, _States] = {}  # states of their files, by agent
+        self._weights: dict[str, FileStates] = {}  # states of their files, by agent
         self._sources: dict[str, str] = {}  # digests of their code, by agent
         self._began_s = time.time()
         self._folder = os.getcwd()  # paths of weights may start here, and a test may change the folder
@@ -120,7 +104,7 @@ class Scopes:
         if agent not in self._identities:
             return
         with in_folder(self._folder):
-            states = _states_of_weights(self._factory(agent))
+            states = states_of_weights(self._factory(agent))
             changed = states != self._weights[agent] and self._made_identity(agent) != self._identities[agent]
         if changed:
             raise UsageError(
@@ -202,7 +186,7 @@ class Scopes:
             self._registry.require("agents", agent)
             with in_folder(self._folder):
                 check_factory(agent, self._factory(agent))
-                self._weights[agent] = _states_of_weights(self._factory(agent))  # before the identity reads the files
+                self._weights[agent] = states_of_weights(self._factory(agent))  # before the identity reads the files
                 self._identities[agent] = self._made_identity(agent)
         return self._identities[agent]
 

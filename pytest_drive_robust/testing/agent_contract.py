@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.runner.cache_key.declared import undeclared
-from pytest_drive_robust.runner.cache_key.identity import weights_digest
+from pytest_drive_robust.runner.cache_key.weights import weights_digest
 from pytest_drive_robust.runner.episode.contract import (
     BLAMED,
     agent_act,
@@ -152,7 +152,7 @@ class _Trial:
             return Check("declarations", False, f"{told} Set them in the body of the class, not in __init__.")
         try:
             for owner in (type(agent), self.factory):
-                weights_digest(getattr(owner, "weights", ()), agent=type(agent).__name__)
+                weights_digest(owner, agent=type(agent).__name__)
         except UsageError as error:
             return Check("declarations", False, str(error))
         return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")

@@ -19,10 +19,7 @@ What the processor decides is in no key, but in the records (`runner.episode.mac
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
-from pathlib import Path
 from types import ModuleType
 
 from pytest_drive_robust import simulators
@@ -39,6 +36,7 @@ from pytest_drive_robust.runner.cache_key.canonical_text import (
     file_digests,
     session,
 )
+from pytest_drive_robust.runner.cache_key.weights import weights_digest
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
@@ -70,7 +68,7 @@ def identify(scope: Scope, registry: Registry) -> Identified:
         agent=scope.agent,
         distribution=entry.origin,
         source=source_files.source_digest(factory),
-        weights=weights_digest(getattr(factory, "weights", ()), agent=scope.agent),
+        weights=weights_digest(factory, agent=scope.agent),
         routes=tuple(f"{route.id}={route_digest(route)}" for route in scope.routes),
     )
 
@@ -104,7 +102,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
             f"the configuration of the agent {agent!r} is {given!r}, expected plain values that can be compared with "
             f"those of an earlier run (numbers, text, lists, mappings, dataclasses): {error}."
         ) from None
-    weights = weights_digest(getattr(factory, "weights", ()), agent=agent)
+    weights = weights_digest(factory, agent=agent)
     modules = computing_modules(factory)
     code, versions = code_of(factory, libraries=modules is None), source_files.versions_of(modules) if modules else {}
     # Not the place of a hook, nor the commit in "agents 1.3.dev5+g1a2b3c4": the code itself counts.
@@ -140,29 +138,3 @@ def _source_of(module: ModuleType) -> str:
 def route_digest(route: Route) -> str:
     """Return a digest of the whole route, 12 hex digits."""
     return source_files.hex_of(repr(route).encode())
-
-
-def weights_digest(files: object, *, agent: str) -> str:
-    """Return a digest of the content of an agent's weight files, in order, 12 hex digits; `""` without files.
-
-    `files` is the factory's attribute `weights`: a path, a list of paths, or None. All files of a folder count, with
-    their names. Raises `UsageError` when `files` is anything else, and when a file cannot be read.
-    """
-    named = [files] if isinstance(files, (str, os.PathLike)) else files if isinstance(files, (list, tuple)) else None
-    if files is not None and (named is None or not all(isinstance(file, (str, os.PathLike)) for file in named)):
-        raise UsageError(
-            f"`weights` of the agent {agent!r} is {files!r}, expected the paths of its weight files, known before it "
-            "is made. Name what else it is otherwise."
-        )
-    paths = [Path(file) for file in named or ()]
-    digest = hashlib.blake2b(digest_size=6)
-    try:
-        for path in paths:
-            for name, file in source_files.files_of(path):
-                digest.update(os.fsencode(f"\0{name}\0") if name else b"")
-                source_files.add_file(digest, file)
-    except OSError as error:
-        raise UsageError(
-            f"the agent {agent!r} names the weights {str(path)!r}, which cannot be read: {error.strerror}."
-        ) from None
-    return digest.hexdigest() if paths else ""

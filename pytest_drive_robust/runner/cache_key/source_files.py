@@ -9,20 +9,18 @@ not.
 
 from __future__ import annotations
 
-import ast
 import functools
 import hashlib
 import importlib.util
 import inspect
 import os
-import re
 import sys
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
+from collections.abc import Iterable
 from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
-from typing import TypeGuard
+
+from pytest_drive_robust.runner.cache_key.python_source import imports_in, what_counts
 
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
@@ -30,18 +28,6 @@ _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".tom
 _BLOCK_BYTES = 1 << 20
 _STANDARD = Path(os.__file__).parent
 _VERSION_FILES = ("__init__.py", "version.py", "_version.py")
-_TEST_FILE = re.compile(r"test_.*\.py|.*_test\.py")
-_LINE = rb"(?:\\\r?\n|[^#;\r\n])*"
-"""Matches to the end of a statement, which may continue on the next line after a backslash."""
-_GAP = rb"(?:[ \t\f]|\\\r?\n)"
-_IMPORT = re.compile(
-    rb"(?:^(?:\xef\xbb\xbf)?|[;:])[ \t\f]*(?:"
-    rb"from\b" + _GAP + rb"*(?P<module>[\w.\x80-\xff]*?)" + _GAP + rb"*import\b"
-    rb"[ \t]*(?P<names>\((?:[^)#]|#[^\r\n]*)*\)|" + _LINE + rb")"
-    rb"|import" + _GAP + rb"+(?P<list>" + _LINE + rb"))",
-    re.MULTILINE,
-)
-_COMMENT = re.compile(rb"#[^\r\n]*")
 
 
 class UnknownSourceError(Exception):
@@ -172,30 +158,6 @@ def add_file(digest: hashlib.blake2b, path: str | Path) -> None:
             digest.update(block)
 
 
-def files_of(path: str | Path) -> Iterator[tuple[str, Path]]:
-    """Yield (name, path) of the files of a folder, with names relative to it; `("", path)` when `path` is a file.
-
-    Files come in the order of their names. Hidden files are left out. Links are followed, and each folder is read once.
-    Raises `OSError`.
-    """
-    if not os.path.isdir(path):
-        yield "", Path(path)
-        return
-    seen = set()
-    for place, folders, names in os.walk(path, followlinks=True, onerror=_raise):
-        real = os.path.realpath(place)
-        folders[:] = [] if real in seen else sorted(name for name in folders if not _is_hidden(name))
-        if real not in seen:
-            seen.add(real)
-            for name in sorted(name for name in names if not _is_hidden(name)):
-                file = Path(place, name)
-                yield file.relative_to(path).as_posix(), file
-
-
-def _raise(error: OSError) -> None:
-    raise error
-
-
 def hex_of(content: bytes) -> str:
     """Return a digest of bytes, 12 hex digits."""
     return hashlib.blake2b(content, digest_size=6).hexdigest()
@@ -236,10 +198,10 @@ class _Walk:
             return
         self._folders.add(folder)
         for place, folders, names in os.walk(folder):
-            folders[:] = sorted(name for name in folders if not _is_hidden(name))
+            folders[:] = sorted(name for name in folders if not is_hidden(name))
             for name in sorted(names):
                 path = Path(place, name)
-                if path.suffix in _CODE and not _is_hidden(name) and path.is_file():
+                if path.suffix in _CODE and not is_hidden(name) and path.is_file():
                     self._add_file(path, path.relative_to(folder.parent).as_posix())
 
     def _add_file(self, path: Path, name: str) -> None:
@@ -252,9 +214,9 @@ class _Walk:
             raise UnknownSourceError(f"{path} cannot be read: {error.strerror}") from None
         while name in self._found:  # a file of another folder has this name
             name += "'"
-        self._found[name] = _content_digest(path, content)
+        self._found[name] = hashlib.blake2b(what_counts(path.name, content)).hexdigest()
         if path.suffix == ".py":
-            for imported in _imports(content):
+            for imported in imports_in(content):
                 self._follow(imported, path)
 
     def _follow(self, imported: str, importer: Path) -> None:
@@ -310,47 +272,6 @@ class _Walk:
             folders = [folder / part for folder in folders if (folder / part).is_dir()]
 
 
-def _imports(content: bytes) -> Iterator[str]:
-    """Yield the dotted names that are imported: `a.b` and `a.b.c` for `from a.b import c`."""
-    for match in _IMPORT.finditer(content):
-        named = _COMMENT.sub(b"", match["names"] or match["list"] or b"").decode(errors="replace")
-        words = re.sub(r"[()\\]", " ", named).split(",")
-        names = [word.split()[0] for word in words if word.split()]
-        if match["list"] is not None:
-            yield from names
-            continue
-        module = match["module"].decode(errors="replace")
-        yield module
-        yield from (f"{module}{'' if module.endswith('.') else '.'}{name}" for name in names)
-
-
-def _content_digest(path: Path, content: bytes) -> str:
-    """Return a file's digest. A test file counts without its tests: no agent or perturbation beside them needs them."""
-    counted = _without_tests(content) if _TEST_FILE.fullmatch(path.name) else content
-    return hashlib.blake2b(counted).hexdigest()
-
-
-@functools.lru_cache(maxsize=1024)  # an agent, its perturbations and its simulator share files
-def _without_tests(content: bytes) -> bytes:
-    with suppress(SyntaxError, ValueError):
-        tree = ast.parse(content)
-        tests = {part.name: part for part in tree.body if _is_test(part)}
-        kept = [part for part in tree.body if part not in tests.values()]
-        for part in kept:  # a function that other code calls is no test, whatever its name
-            used = {node.id for node in ast.walk(part) if isinstance(node, ast.Name)}
-            kept += [tests.pop(name) for name in sorted(used & tests.keys())]
-        tree.body = [part for part in tree.body if part in kept]
-        return ast.dump(tree).encode(errors="surrogatepass")
-    return content
-
-
-def _is_test(part: ast.stmt) -> TypeGuard[ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef]:
-    """Return whether a statement defines a function named as a test, or a class with such a function."""
-    if isinstance(part, ast.ClassDef):
-        return part.name.startswith("Test") and any(_is_test(inner) for inner in part.body)
-    return isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef)) and part.name.startswith("test")
-
-
 def _package_folder(file: Path, module: str) -> Path | None:
     """Return the folder of the top-level package that `file` belongs to, None when `file` is a single module."""
     package = sys.modules.get(module.partition(".")[0])
@@ -358,7 +279,8 @@ def _package_folder(file: Path, module: str) -> Path | None:
     return next((folder for folder in folders if file.is_relative_to(folder)), None)
 
 
-def _is_hidden(name: str) -> bool:
+def is_hidden(name: str) -> bool:
+    """Return whether a file or folder of this name is passed over."""
     return name.startswith(".") or name == "__pycache__"
 
 
