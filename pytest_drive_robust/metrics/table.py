@@ -31,6 +31,8 @@ class MetricFunction(Protocol):
         """Return the metric of `results` (one agent, one setting, never an `infra_error`)."""
 
 
+_USUAL_SPAN = 100.0
+
 EpisodeValue = Callable[[EpisodeResult, str], "float | None"]
 """Returns the value of one episode in a mode; the metric is the mean of the values over routes."""
 
@@ -64,6 +66,12 @@ class Metric:
     def needs_clean(self) -> bool:
         """True when the value is relative to the clean episodes."""
         return self.of_episode is None and self.function is None
+
+    @property
+    def span(self) -> float:
+        """The length of the range, of which margins are shares: 1 for RD, 100 for a metric without an end."""
+        span = 1.0 if self.needs_clean else self.high - self.low
+        return span if math.isfinite(span) else _USUAL_SPAN
 
     def __str__(self) -> str:
         return self.name

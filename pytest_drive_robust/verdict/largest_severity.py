@@ -217,11 +217,9 @@ def bisect(ladder: Ladder, ask: Callable[[float], SeverityProbe]) -> tuple[Sever
 def contradictions(ladder: Ladder, metric: Metric, probes: Iterable[SeverityProbe]) -> tuple[str, ...]:
     """Return a warning if a milder severity is clearly worse than a more severe one: crossings may be several."""
     ordered = sorted(probes, key=lambda probe: ladder.severity(probe.level))
-    span = metric.high - metric.low
-    notable = _NOTABLE * (span if 0.0 < span < float("inf") else 1.0 if metric.needs_clean else 100.0)
     sign = 1.0 if metric.higher_is_better else -1.0
     for mild, severe in pairwise(ordered):
-        if sign * (severe.value - mild.value) > notable:
+        if sign * (severe.value - mild.value) > _NOTABLE * metric.span:
             return (
                 f"not monotonic: {metric} {metric.format(mild.value)} at {ladder.label(mild.level)} but "
                 f"{metric.format(severe.value)} at {ladder.label(severe.level)}: there may be more than one crossing.",

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 ANY_TICK_S = 0.05
 """A tick length in seconds for ladders that are built for their field and unit; its value has no effect there."""
 
-_SCORE_RANGE = 100.0
 _ROUNDING = 1e-9
 """The share of a metric's range that counts as rounding: 1 - 70 / 100 is 0.30000000000000004 and meets 0.30."""
 _DIGITS = 12
@@ -135,7 +134,7 @@ class Requirement:
 
     def is_met_by(self, value: float) -> bool:
         """Return True when `value` is on the right side of the limit, or equal to the limit up to rounding."""
-        rounding = _ROUNDING * span_of(self.metric)
+        rounding = _ROUNDING * self.metric.span
         return value <= self.limit + rounding if self.comparison == "<=" else value >= self.limit - rounding
 
     def reads_routes(self, verdict_rule: VerdictRule) -> bool:
@@ -161,15 +160,9 @@ class Requirement:
         """Return the advice on what `routes` routes can show at the usual noise; `"fine"` unless by evidence."""
         if verdict_rule.kind != "evidence" or not self.reads_routes(verdict_rule):
             return Advice("fine", "")
-        span = span_of(self.metric)
+        span = self.metric.span
         noise, margin = USUAL_NOISE * span, verdict_rule.margin * span
         return advise(routes, margin, noise, what=self.metric.name, scale=span, alpha=verdict_rule.alpha)
-
-
-def span_of(metric: Metric) -> float:
-    """Return the length of a metric's range; the margin of a verdict rule is a share of this length."""
-    span = 1.0 if metric.needs_clean else metric.high - metric.low
-    return span if math.isfinite(span) else _SCORE_RANGE
 
 
 def lenient_limit(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> float:
@@ -182,7 +175,7 @@ def lenient_limit(metric: Metric, comparison: str, limit: float, verdict_rule: V
 
 
 def _forms(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> LinearForms:
-    margin = verdict_rule.margin * span_of(metric)
+    margin = verdict_rule.margin * metric.span
     if metric.needs_clean:
         return degradation_forms(limit, margin, comparison=comparison)
     return mean_forms(limit, comparison, margin=margin, low=metric.low, high=metric.high)
