@@ -22,6 +22,7 @@ from pytest_drive_robust.runner.plan import (
 from pytest_drive_robust.runner.scheduler import Observer, Scheduler
 from pytest_drive_robust.runner.verdict_events import episodes_needed, judged, not_judged, verdict_planned
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
+from pytest_drive_robust.stats.pace import likely_left
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.events import Planned, RoutesRead, Spared, StoreTroubled, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
@@ -120,7 +121,7 @@ class Campaign:
         judge = plan.judge()
         for number, route in enumerate(plan.routes):
             if any(self._store.get(request.key) is None for request in route.requests):
-                return min(planned, number + max(1, judge.likely_left(planned))), planned
+                return min(planned, number + max(1, likely_left(judge, planned))), planned
             try:
                 score = self._score(plan, route)
             except ComparisonError:  # an error ends the reading, as a verdict does
@@ -207,7 +208,7 @@ class Campaign:
         planned = len(plan.routes)
         for number, route in enumerate(plan.routes):
             begun += route.requests
-            likely = planned if self._whole else number + max(1, judge.likely_left(planned))
+            likely = planned if self._whole else number + max(1, likely_left(judge, planned))
             named = {**plan.scope.named, "requirement": str(plan.requirement)}
             self.observer(RoutesRead(**named, routes=number, likely=likely))
             ahead, self._first = (*self._first, *plan.requests(number + 1, likely)), ()

@@ -15,6 +15,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, perturbation_sources
 from pytest_drive_robust.stats.judges import Judge, judge_by
+from pytest_drive_robust.stats.pace import likely_left
 from pytest_drive_robust.verdict.requirement import Requirement
 
 _FIRST = 3
@@ -134,7 +135,7 @@ class VerdictPlan:
         """The number of routes that the verdict probably reads, estimated before any route is read."""
         if self.kind == "point":
             return len(self.routes)
-        return self.judge().likely_left(len(self.routes))
+        return likely_left(self.judge(), len(self.routes))
 
     def requests(self, first: int, last: int | None = None) -> tuple[EpisodeRequest, ...]:
         """Return the requests of the routes from place `first` up to, not including, `last`, in reading order."""

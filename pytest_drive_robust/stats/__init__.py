@@ -2,8 +2,8 @@
 
 `gate(clean, perturbed, threshold, margin, alpha)` gives the verdict on two lists of scores (`score_lists`). The parts:
 `evidence` turns a requirement into linear forms of one route's scores, `judges` holds the verdict rules that read the
-forms, `intervals` computes confidence intervals, `resolution` estimates what a number of routes can show, and
-`multiple_verdicts` corrects for many verdicts at once.
+forms, `pace` estimates how many routes a verdict will read, `intervals` computes confidence intervals, `resolution`
+estimates what a number of routes can show, and `multiple_verdicts` corrects for many verdicts at once.
 """
 
 from __future__ import annotations

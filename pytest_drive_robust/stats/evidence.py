@@ -191,6 +191,11 @@ class LinearForms:
         """The larger finite bound of `hold` (`most` or `floor`); 1 when neither is finite and above 0."""
         return max((bound for bound in (self.most, self.floor) if 0.0 < bound < math.inf), default=1.0)
 
+    @property
+    def top_reference(self) -> float:
+        """The top score of relative forms."""
+        return self.most if self.sign > 0.0 else self.floor
+
 
 def degradation_forms(
     limit: float, margin: float = 0.10, *, comparison: str = "<=", top_score: float = TOP_SCORE

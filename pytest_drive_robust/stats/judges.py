@@ -19,10 +19,8 @@ from collections.abc import Iterable
 
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.stats.evidence import (
-    BETS,
     EARLY_SHARE,
     FEWEST_FOR_T,
-    TOP_SCORE,
     Decision,
     LinearForms,
     Wealth,
@@ -35,15 +33,6 @@ _NAMES = ("evidence", "list", "point")
 
 _ROUNDING = 1e-9
 """A sum of holds this close to 0, per route and as a share of the range, counts as 0: equal to the limit passes."""
-
-_USUAL_DISTANCE = 0.2
-"""The usual distance of a value from its limit, as a share of the metric's range."""
-
-_USUAL_REFERENCE = 0.85
-"""The usual reference of a relative form, as a share of the top score."""
-
-_USUAL_WEIGHT = 4.0
-"""The weight of the usual distance in the pace of the evidence, in routes read."""
 
 
 class Judge(ABC):
@@ -99,23 +88,6 @@ class Judge(ABC):
             self.decision = self._at_end() if self._compares else "inconclusive"
         return self.decision
 
-    def likely_left(self, planned: int) -> int:
-        """Estimate how many more of the `planned` routes are read if the evidence grows at the pace so far.
-
-        For schedules and displays.
-        """
-        left = max(0, planned - self.routes)
-        if self.decision is not None:
-            return 0
-        usual = _usual_routes(self.forms, self.needed) if self.needed < math.inf else math.inf
-        passing = _share(self.within, self.needed)
-        if self.floor > 0.0:
-            shown = max(_share(side, self.needed_for_floor) for side in (self.above_floor, self.below_floor))
-            passing = min(passing, shown)
-        way = max(_share(self.against, self.needed_for_fail), passing)
-        pace = (way + _USUAL_WEIGHT / usual) / (self.routes + _USUAL_WEIGHT)
-        return left if pace <= 0.0 else min(left, math.ceil((1.0 - way) / pace))
-
     @property
     def _may_pass(self) -> bool:
         """Whether reading may stop at a pass."""
@@ -127,7 +99,7 @@ class Judge(ABC):
 
     def _bet_on_references(self, reference: float, due: float) -> None:
         """Bet on both sides of `due`, the value of a reference at which the mean reference equals the floor."""
-        top = _top_reference(self.forms)
+        top = self.forms.top_reference
         self.above_floor.bet(_stake(reference - due, due, _ROUNDING * top))
         self.below_floor.bet(_stake(due - reference, top - due, _ROUNDING * top))
 
@@ -294,34 +266,6 @@ def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None
 def _require_alpha(alpha: float) -> None:
     if not 0.0 < alpha < 0.5:
         raise ValueError(f"alpha is {alpha!r}, expected a number between 0 and 0.5 such as 0.05.")
-
-
-def _usual_routes(forms: LinearForms, needed: float) -> float:
-    """Return after how many routes the boldest gambler reaches `needed` if every route lies at the usual distance."""
-    if forms.least <= 0.0:
-        return 1.0
-    if math.isinf(forms.least):
-        return math.inf
-    span = min(forms.most + forms.floor, TOP_SCORE)
-    if forms.relative:
-        reference = _USUAL_REFERENCE * _top_reference(forms)
-        kept = min(1.0, max(0.0, forms.keep + forms.sign * _USUAL_DISTANCE))
-        slack = forms.slack(kept * reference, reference)
-    else:
-        slack = forms.slack(forms.base) + min(_USUAL_DISTANCE * span, forms.most)
-    if slack <= 0.0:  # not even the best scores would meet the limit
-        return math.inf
-    return math.log(len(BETS) * needed) / math.log1p(max(BETS) * slack / forms.least)
-
-
-def _top_reference(forms: LinearForms) -> float:
-    """Return the top score of relative forms."""
-    return forms.most if forms.sign > 0.0 else forms.floor
-
-
-def _share(wealth: Wealth, needed: float) -> float:
-    """Return the progress of `wealth` towards `needed`, 0..1, on a log scale, where equal evidence adds up."""
-    return min(1.0, max(0.0, math.log(max(wealth.value, 1.0)) / math.log(needed)))
 
 
 def _sign_of(total: float, routes: int, forms: LinearForms) -> Decision:

@@ -48,33 +48,6 @@ def test_no_route_is_taken_after_the_verdict_and_those_without_data_are_counted_
     assert reads + 1 == sum(number % 3 != 0 for number in taken)
 
 
-@pytest.mark.parametrize("kind", ["evidence", "list"])
-@pytest.mark.parametrize("keeps", [0.95, 0.8, 0.2])
-def test_how_many_routes_are_likely_left_is_never_absurd_and_soon_right(kind: str, keeps: float) -> None:
-    pairs = agent(3, 60, keeps)
-    taken = read(judge_by(kind, RULE, planned=60), pairs)[1]  # type: ignore[arg-type]
-    judge = judge_by(kind, RULE, planned=60)  # type: ignore[arg-type]
-    for number, (clean, perturbed) in enumerate(pairs[:taken]):
-        left = judge.likely_left(60)
-        assert 1 <= left <= 60 - number
-        if number >= taken // 2:
-            assert number + left <= 2 * taken
-        judge.read(perturbed, clean)
-    assert judge.likely_left(60) == 0
-
-
-def test_a_comparison_of_all_values_reads_all_routes() -> None:
-    judge = PointJudge(RULE)
-    assert judge.likely_left(60) == 60
-    judge.read(90.0, 90.0)
-    assert judge.likely_left(60) == 59
-
-
-def test_a_metric_without_a_lower_end_has_no_early_pass_to_wait_for() -> None:
-    forms = mean_forms(60.0, "<=", margin=10.0, low=0.0)  # efficiency
-    assert judge_by("evidence", forms, planned=60).likely_left(60) == 60
-
-
 def test_a_list_that_turns_out_shorter_is_judged_by_its_value() -> None:
     scores = [(90.0, 90.0), None, (70.0, 90.0)]
 
@@ -279,11 +252,6 @@ def test_many_routes_without_a_success_break_even_a_low_limit() -> None:
     ]
 
 
-@pytest.mark.parametrize("limit", [-0.05, -0.10, -0.15])
-def test_how_many_routes_a_limit_takes_that_scores_hardly_reach_is_all_of_them(limit: float) -> None:
-    assert judge_by("evidence", degradation_forms(limit), planned=60).likely_left(60) == 60
-
-
 @pytest.mark.parametrize("spread", [0.0, 2.0, 10.0])
 @pytest.mark.parametrize(
     ("forms", "usual", "makes_up"),
@@ -338,54 +306,9 @@ def test_a_fail_waits_for_no_floor(kind) -> None:
     assert found[0][1] < 220
 
 
-@pytest.mark.parametrize(
-    ("forms", "usual"),
-    [
-        (degradation_forms(0.3), (85.0 * 0.9, 85.0)),
-        (mean_forms(50.0, ">=", margin=10.0, low=0.0, high=100.0), (70.0, 0.0)),
-        (mean_forms(0.5, ">=", margin=0.1, low=0.0, high=1.0), (0.7, 0.0)),
-        (mean_forms(60.0, "<=", margin=10.0, low=0.0, high=100.0), (40.0, 0.0)),
-    ],
-    ids=["RD", "DS", "SR", "at most"],
-)
-def test_before_the_first_route_as_many_are_likely_left_as_scores_a_fifth_off_the_limit_take(
-    forms: LinearForms, usual: tuple[float, float]
-) -> None:
-    expected = judge_by("evidence", forms, planned=220).likely_left(220)
-    judge = judge_by("evidence", forms, planned=220)
-    while judge.read(*usual) is None:
-        pass
-    assert expected == pytest.approx(judge.routes, abs=1)
-
-
-def test_how_many_routes_are_likely_left_counts_those_that_the_floor_takes() -> None:
-    plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
-    for _ in range(10):
-        plain.read(32.0, 32.0)
-        waiting.read(32.0, 32.0)
-    assert plain.likely_left(220) < waiting.likely_left(220) <= 210
-
-
-def test_references_that_are_shown_to_lie_above_the_floor_take_no_more_routes() -> None:
-    plain, waiting = EvidenceJudge(RULE), EvidenceJudge(RULE, floor=30.0)
-    for _ in range(6):
-        plain.read(90.0, 90.0)
-        waiting.read(90.0, 90.0)
-    assert 0 < waiting.likely_left(220) == plain.likely_left(220)
-
-
 def test_what_only_waited_for_the_floor_passes_at_the_end_however_few_the_routes_are() -> None:
     assert read(judge_by("evidence", RULE, planned=16), [(90.0, 90.0)] * 16) == ("pass", 13)
     assert read(judge_by("evidence", RULE, planned=16, floor=89.9), [(90.0, 90.0)] * 16) == ("pass", 16)
-
-
-@pytest.mark.parametrize(
-    "forms",
-    [degradation_forms(0.30, comparison=">="), mean_forms(60.0, ">=", margin=10.0, low=0.0)],
-    ids=["lower-limit", "no-upper-end"],
-)
-def test_how_many_routes_are_likely_left_is_told_for_limits_of_every_kind(forms: LinearForms) -> None:
-    assert 5 < judge_by("evidence", forms, planned=60).likely_left(60) < 40
 
 
 def test_what_is_shown_of_the_floor_is_the_same_whichever_way_the_limit_is_compared() -> None:
