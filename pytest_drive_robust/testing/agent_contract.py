@@ -11,20 +11,13 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Image, Observation
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.route import Route
+from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth
 from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.runner.cache_key.declared import undeclared
 from pytest_drive_robust.runner.cache_key.weights import weights_digest
-from pytest_drive_robust.runner.episode.contract import (
-    BLAMED,
-    agent_act,
-    agent_act_batch,
-    agent_plan,
-    agent_reset,
-    blame,
-)
+from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, agent_plan, blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
@@ -216,22 +209,22 @@ class _Trial:
     def consumes(self) -> Check:
         """Check that signals that are not declared do not change the controls."""
         agent = self.make()
-        undeclared = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
-        expected = self.feed(lambda observation: observation)
-        for signal in undeclared:
+        others = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
+        expected = self.feed()
+        for signal in others:
             tick = first_difference(expected, self.feed(_CHANGES[signal]))
             if tick is not None:
                 return Check("consumes", False, f"{signal} changes the control of act {tick}: declare it in consumes.")
-        if not undeclared:
+        if not others:
             return Check("consumes", True, "every signal is declared.")
-        reach = "reach" if len(undeclared) > 1 else "reaches"
-        return Check("consumes", True, f"{', '.join(undeclared)} {reach} no control, as declared.")
+        reach = "reach" if len(others) > 1 else "reaches"
+        return Check("consumes", True, f"{', '.join(others)} {reach} no control, as declared.")
 
     def privileged(self) -> Check:
         """Check that ground truth changes the controls of a privileged agent, and of no other agent."""
         if not getattr(self.make(), "privileged", False):
             with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
-            if first_difference(self.feed(lambda observation: observation), with_truth) is not None:
+            if first_difference(self.feed(), with_truth) is not None:
                 return Check("privileged", False, "the agent reads observation.truth: declare privileged = True.")
             return Check("privileged", True, "the agent does without ground truth.")
         try:
@@ -248,8 +241,7 @@ class _Trial:
         plan = getattr(agent, "plan", None)
         if plan is None:
             return Check("plan", True, "there is no plan() to show, and none is needed.")
-        assert self.record.plan is not None  # the recorded episode began with reset
-        feed(agent, self.record.observations[:1], plan=self.record.plan, seed=self.seed)
+        feed(agent, self.record.observations[:1], plan=self.route_plan, seed=self.seed)
         try:
             planned: object = plan()
         except BLAMED as error:
@@ -265,7 +257,7 @@ class _Trial:
                 return Check("plan", False, f"plan returned the {name} {points!r}, expected rows of numbers.")
             if not finite:
                 return Check("plan", False, f"plan returned a point of {name} that is not finite.")
-        tick = first_difference(self.record.controls, self.feed_asking_for_plans()) if self.repeats else None
+        tick = first_difference(self.record.controls, self.feed(after_act=agent_plan)) if self.repeats else None
         if tick is not None:
             told = f"plan changes the control of act {tick}: it is for pictures, and not asked in every tick"
             return Check("plan", False, f"{told}. Let it return what act has kept.")
@@ -276,9 +268,8 @@ class _Trial:
         agents = [self.make() for _ in range(_LOCKSTEP_ROWS)]
         if not offers_lockstep(agents[0]):
             return Check("lockstep", True, "there is no act_batch(), and none is needed.")
-        assert self.record.plan is not None  # the recorded episode began with reset
         seen = self.record.observations[:: max(len(self.record.observations) // _LOCKSTEP_OBSERVATIONS, 1)]
-        recording = Recording(self.record.plan, self.seed, tuple(seen))
+        recording = Recording(self.route_plan, self.seed, tuple(seen))
         problem = check_lockstep(self.make, [recording])
         if problem is not None:
             return Check("lockstep", False, problem)
@@ -291,22 +282,21 @@ class _Trial:
                 return Check("lockstep", False, f"in tick {tick} act gives {one}, but act_batch gives {other}.")
         return Check("lockstep", True, "act_batch drives like act, and no control depends on who shares the batch.")
 
-    def feed(self, change: Callable[[Observation], Observation]) -> list[Control]:
-        """Return a new agent's controls for the recorded observations."""
-        assert self.record.plan is not None  # the recorded episode began with reset
-        agent = self.make()
-        return feed(agent, self.record.observations, plan=self.record.plan, seed=self.seed, change=change)
+    def feed(
+        self,
+        change: Callable[[Observation], Observation] = lambda observation: observation,
+        *,
+        after_act: Callable[[Agent], object] = lambda agent: None,
+    ) -> list[Control]:
+        """Return a new agent's controls for the recorded observations (see `driving.feed`)."""
+        seen, plan = self.record.observations, self.route_plan
+        return feed(self.make(), seen, plan=plan, seed=self.seed, change=change, after_act=after_act)
 
-    def feed_asking_for_plans(self) -> list[Control]:
-        """Return a new agent's controls for the recorded observations, with a call of `plan` after each control."""
+    @property
+    def route_plan(self) -> GlobalPlan:
+        """The plan that the recorded episode began with."""
         assert self.record.plan is not None  # the recorded episode began with reset
-        agent = self.make()
-        agent_reset(agent, self.record.plan, self.seed)
-        controls = []
-        for seen in self.record.observations:
-            controls.append(agent_act(agent, seen.private()))
-            agent_plan(agent)
-        return controls
+        return self.record.plan
 
 
 def _broken(name: str, when: str, result: EpisodeResult) -> Check:

@@ -35,13 +35,18 @@ def feed(
     plan: GlobalPlan,
     seed: int,
     change: Callable[[Observation], Observation] = lambda observation: observation,
+    after_act: Callable[[Agent], object] = lambda agent: None,
 ) -> list[Control]:
     """Return the controls of `agent` for observations of another episode, each changed by `change`.
 
-    Raises `AgentError` when the agent breaks its contract.
+    `after_act` is called after every control. Raises `AgentError` when the agent breaks its contract.
     """
     agent_reset(agent, plan, seed)
-    return [agent_act(agent, change(observation.private())) for observation in observations]
+    controls = []
+    for observation in observations:
+        controls.append(agent_act(agent, change(observation.private())))
+        after_act(agent)
+    return controls
 
 
 def first_difference(one: Sequence[object], other: Sequence[object]) -> int | None:
