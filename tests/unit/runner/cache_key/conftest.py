@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from pytest_drive_robust.runner.cache_key import source_files
+
 
 @pytest.fixture
 def module(tmp_path, monkeypatch):
@@ -27,3 +29,14 @@ def module(tmp_path, monkeypatch):
     for known in list(sys.modules):
         if known.partition(".")[0] in {name.partition(".")[0] for name in written}:
             del sys.modules[known]
+
+
+@pytest.fixture
+def other_versions(monkeypatch):
+    """Return what pretends that Python and all installed libraries have other versions."""
+
+    def pretend() -> None:
+        monkeypatch.setattr(source_files, "_version", lambda top, origin: f"another {top}")
+        monkeypatch.setattr(source_files, "_python", lambda: {"python": "4.0"})
+
+    return pretend
