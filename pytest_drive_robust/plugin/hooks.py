@@ -24,7 +24,6 @@ _MARKER_LINE = (
     "in place of --drive-agent, --drive-routes and so on for the marked tests, whatever the command line says."
 )
 
-_HOOK = "pytest_drive_robust_register"
 _REGISTRY = "pytest_drive_robust.registry.registry"
 _SESSIONS: list[pytest.Config] = []
 """The pytest sessions under way in this process, outermost first: pytester runs one session inside another."""
@@ -58,7 +57,8 @@ def pytest_plugin_registered(plugin: object, manager: pytest.PytestPluginManager
 
     Its names would be missing, or mean an entry of another plugin.
     """
-    if any(name.startswith("pytest_drive") and name != _HOOK for name in getattr(plugin, "__dict__", ())):
+    names = getattr(plugin, "__dict__", ())
+    if any(name.startswith("pytest_drive") and not hasattr(hookspecs, name) for name in names):
         from pytest_drive_robust.plugin.misspelt_names import refuse_unknown_hooks
         from pytest_drive_robust.plugin.usage_errors import raise_as_pytests
 

@@ -13,9 +13,9 @@ import pytest
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError, nearest
 from pytest_drive_robust.options.table import OPTIONS
+from pytest_drive_robust.registry.plugins import HOOK
 
 _MARK = "drive_robust"
-_HOOK = "pytest_drive_robust_register"
 _CLOSE = 0.8
 """Similarity (0..1) from which a mark counts as a misspelling: a suite may have its own marks, such as `robust`."""
 
@@ -64,9 +64,9 @@ def refuse_unknown_hooks(plugin: object) -> None:
     """
     for name, value in vars(plugin).items():
         is_optional = getattr(value, "pytest_impl", {}).get("optionalhook", False)
-        if is_optional and name != _HOOK and get_close_matches(name, [_HOOK], cutoff=_CLOSE):
+        if is_optional and name != HOOK and get_close_matches(name, [HOOK], cutoff=_CLOSE):
             place = getattr(plugin, "__file__", None) or repr(plugin)
-            raise UsageError(f"there is no hook named {name!r}. Did you mean {_HOOK!r}? It stands in {place}.")
+            raise UsageError(f"there is no hook named {name!r}. Did you mean {HOOK!r}? It stands in {place}.")
 
 
 def _given_keys(config: pytest.Config) -> Iterable[str]:

@@ -10,9 +10,9 @@ import pytest
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError, did_you_mean
 from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, output_of, worker_output
+from pytest_drive_robust.registry.plugins import HOOK
 
 _PROBLEMS = pytest.StashKey["dict[str, str]"]()
-_HOOK = "pytest_drive_robust_register"
 _OUTPUT = "drive_robust_problems"
 
 
@@ -52,12 +52,12 @@ def told_of_hook(error: Exception) -> Exception:
     An error in a conftest.py that is loaded during collection needs no line from us: pytest shows it.
     """
     frames = traceback.extract_tb(error.__traceback__)
-    file = next((frame.filename for frame in frames if frame.name == _HOOK), None)
+    file = next((frame.filename for frame in frames if frame.name == HOOK), None)
     if file is None or isinstance(error, (DriveRobustError, pytest.UsageError)):
         return error
     line = [frame.lineno for frame in frames if frame.filename == file][-1]
     meant = did_you_mean(error.name, dir(error.obj)) if isinstance(error, AttributeError) and error.name else ""
-    return UsageError(f"{_HOOK} raised {type(error).__name__}: {error} ({file}:{line}).{meant}")
+    return UsageError(f"{HOOK} raised {type(error).__name__}: {error} ({file}:{line}).{meant}")
 
 
 def raise_as_pytests(error: Exception) -> None:

@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 
     from pytest_drive_robust.registry.registry import Registry
 
-_HOOK = "pytest_drive_robust_register"
+HOOK = "pytest_drive_robust_register"
+"""The hook that `hookspecs` specifies."""
 _CONFTEST = "conftest.py"
 
 
 def naming_plugins(manager: PluginManager) -> list[object]:
     """Return the pytest plugins that register names, in the order of their registration."""
-    return [plugin for _, plugin in manager.list_name_plugin() if plugin is not None and hasattr(plugin, _HOOK)]
+    return [plugin for _, plugin in manager.list_name_plugin() if plugin is not None and hasattr(plugin, HOOK)]
 
 
 def plugin_source(plugin: object) -> tuple[str, str]:
@@ -36,7 +37,7 @@ def plugin_source(plugin: object) -> tuple[str, str]:
     """
     if not isinstance(plugin, ModuleType) or plugin.__file__ is None:
         raise UsageError(
-            f"the plugin {plugin!r} has {_HOOK}, but the worker processes cannot import it, because it is not a module "
+            f"the plugin {plugin!r} has {HOOK}, but the worker processes cannot import it, because it is not a module "
             "in a file. Register the names in a module or a conftest.py, or give --drive-executor inline."
         )
     return plugin.__name__, str(Path(plugin.__file__).absolute())
@@ -75,16 +76,16 @@ def register_names_of(word: str, registry: Registry) -> None:
             f"-p is {word!r}, expected a module that can be imported or the path of a conftest.py: "
             f"{type(error).__name__}: {error}{raised_at(error)}."
         ) from error
-    if not hasattr(module, _HOOK):
-        raise UsageError(f"-p is {word!r}, which registers no names: it has no function {_HOOK}(registry).")
+    if not hasattr(module, HOOK):
+        raise UsageError(f"-p is {word!r}, which registers no names: it has no function {HOOK}(registry).")
     try:
         call_hook(module, registry)
     except (DriveRobustError, KeyboardInterrupt):
         raise
     except BaseException as error:  # it may also call sys.exit()
         raise UsageError(
-            f"-p is {word!r}, but its {_HOOK}{_signature(module)} raised {type(error).__name__}: {error}"
-            f"{_place_in(module, error)}. Expected {_HOOK}(registry), which registers names."
+            f"-p is {word!r}, but its {HOOK}{_signature(module)} raised {type(error).__name__}: {error}"
+            f"{_place_in(module, error)}. Expected {HOOK}(registry), which registers names."
         ) from error
 
 
@@ -113,7 +114,7 @@ def imported_from(module: str, file: str) -> ModuleType:
 
 def call_hook(module: ModuleType, registry: Registry) -> None:
     """Call the hook of a module, if the module has the hook. As in pluggy, a hook may leave out `registry`."""
-    hook = getattr(module, _HOOK, None)
+    hook = getattr(module, HOOK, None)
     if hook is None:
         return
     wanted = inspect.signature(hook).parameters
@@ -122,7 +123,7 @@ def call_hook(module: ModuleType, registry: Registry) -> None:
 
 def _signature(module: ModuleType) -> str:
     try:
-        return str(inspect.signature(getattr(module, _HOOK)))
+        return str(inspect.signature(getattr(module, HOOK)))
     except (TypeError, ValueError):  # no function
         return ""
 
