@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,10 +10,10 @@ import pytest
 from _pytest.skipping import evaluate_skip_marks
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.plugin.environment import keep_environment
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
-from pytest_drive_robust.plugin.judging import DriveContext, marker_options
+from pytest_drive_robust.plugin.judging import DriveContext
+from pytest_drive_robust.plugin.markers import marker_options, named_by_all
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.requirement_place import requirements_of
@@ -59,7 +58,7 @@ class CollectionPlugin:
         if not context.options.is_external:  # the official evaluator starts its agents itself
             keep_environment(config)
         driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
-        note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
+        note_problem(config, "", lambda: context.scopes.check(named_by_all(driving)))
         for item in driving:
             note_problem(config, item.nodeid, partial(self._add, context, item))
         if context.options.correction != "none":
@@ -120,18 +119,6 @@ def _is_skipped(item: pytest.Item) -> bool:
         return item.config.pluginmanager.hasplugin("skipping") and evaluate_skip_marks(item) is not None
     except (Exception, pytest.fail.Exception):  # a condition that cannot be evaluated: pytest says so in the test
         return False
-
-
-def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
-    """Return the agent and the routes of the first test's marker; each is None when some test's marker names none.
-
-    Raises `UsageError` for a marker that cannot be used.
-    """
-    marks = [marker_options(item) for item in driving]
-    agents, routes = [mark.agent for mark in marks], [mark.routes for mark in marks]
-    return MarkerOptions(
-        agent=agents[0] if agents and all(agents) else None, routes=routes[0] if routes and all(routes) else None
-    )
 
 
 def _with_all_plugins(config: pytest.Config) -> DriveContext:

@@ -18,13 +18,13 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
-from pytest_drive_robust.options.parsers import routes_from_root
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.plugin.allure_attachments import attach
 from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
+from pytest_drive_robust.plugin.markers import marker_options
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.verdict_errors import (
     INCONCLUSIVE,
@@ -336,20 +336,6 @@ class DriveContext(NamedTuple):
             return Drive(self, item)
         except UsageError as error:
             raise NotJudgedError(item.name, error) from None
-
-
-def marker_options(item: pytest.Item) -> MarkerOptions:
-    """Return the merged markers of a test; a route file's path starts from the root folder. Raises `UsageError`.
-
-    Markers of the test's parameters win over markers of its function, because no other test has them. pytest lists the
-    parameters' markers last.
-    """
-    own = [mark for mark in getattr(getattr(item, "callspec", None), "marks", ()) if mark.name == "drive_robust"]
-    marker, config = MarkerOptions.from_marks([*own, *item.iter_markers("drive_robust")]), item.config
-    if marker.routes is None:
-        return marker
-    # relative to the folder where pytest was called: a test may have changed the current folder
-    return replace(marker, routes=routes_from_root(marker.routes, config.rootpath, config.invocation_params.dir))
 
 
 def _require_requirement(call: str, given: object) -> None:
