@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -21,23 +20,13 @@ from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
-from pytest_drive_robust.plugin.allure_attachments import attach
 from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.markers import marker_options
-from pytest_drive_robust.plugin.requirement_place import place_of
-from pytest_drive_robust.plugin.verdict_errors import (
-    INCONCLUSIVE,
-    NOT_JUDGED_ERROR,
-    RAISED,
-    WAIVED,
-    BrokenRequirementError,
-    NotJudgedError,
-)
+from pytest_drive_robust.plugin.shown_verdicts import ShownVerdicts
+from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, RAISED, NotJudgedError
 from pytest_drive_robust.regression.waivers import Waivers
-from pytest_drive_robust.report.failure import failure_text
-from pytest_drive_robust.report.numbers import legible
-from pytest_drive_robust.runner.campaign import Campaign, Judgement
+from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.runner.verdict_events import searched
 from pytest_drive_robust.verdict.evaluate import Verdict
@@ -67,6 +56,7 @@ class Drive:
         self._scope = context.scopes.of(marker)
         self._verdict_rule = replace(marker.verdict_rule(context.options.verdict_rule), family=context.family)
         self._reading = marker.asked_reading(context.options.asked_reading)
+        self._verdicts = ShownVerdicts(item, context.options, context.waivers, self._scope.routes_spec, self._reach)
         self._was_asked = False
 
     @property
@@ -107,11 +97,7 @@ class Drive:
             requirement = requirement.read_as(self._reading)
             self._context.scopes.check_setting(requirement.setting)  # one that the body of a test states
             judgement = self._context.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
-        self._record(judgement)
-        if judgement.verdict.decision == "inconclusive":
-            self._leave_open(judgement)
-        elif not judgement.verdict.passed:
-            self._fail(judgement)
+        self._verdicts.show(judgement)
         return judgement.verdict
 
     def rd(self, setting: Setting | Perturbation | str) -> Estimate:
@@ -204,7 +190,7 @@ class Drive:
             judgement = self._context.campaign.decide(requirement, self._scope, rule)
             failure = minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
         if judgement.verdict.decision == "inconclusive":
-            self._leave_open(judgement)
+            self._verdicts.leave_open(judgement)
         return failure
 
     def _decide(self, requirement: Requirement, verdict_rule: VerdictRule) -> Verdict:
@@ -241,60 +227,6 @@ class Drive:
             self._item.stash[NOT_JUDGED_ERROR] = told
             self._item.stash.setdefault(RAISED, []).append(told)
             raise told from None
-
-    def _record(self, judgement: Judgement) -> None:
-        """Add the verdict to the test's properties, as finite Python numbers: pytest-xdist and JUnit take no others."""
-        verdict = judgement.verdict
-        numbers = {
-            "drive_value": float(verdict.value),
-            "drive_limit": float(verdict.requirement.limit),
-            "drive_low": float(verdict.low),
-            "drive_high": float(verdict.high),
-            "drive_episode_seconds": float(judgement.episode_s),
-        }
-        self._item.user_properties += [
-            ("drive_requirement", str(verdict.requirement)),
-            ("drive_agent", verdict.agent),
-            ("drive_verdict", verdict.decision),
-            *((name, number) for name, number in numbers.items() if math.isfinite(number)),
-        ]
-
-    def _fail(self, judgement: Judgement) -> None:
-        """Raise `BrokenRequirementError`; only note the waiver of a waived requirement, so that later checks run."""
-        __tracebackhide__ = True
-        verdict = judgement.verdict
-        waiver = self._context.waivers.find(str(verdict.requirement), self._item.nodeid, agent=verdict.agent)
-        if waiver is not None and waiver.holds:
-            self._item.stash.setdefault(WAIVED, []).append(waiver.signature)
-            return
-        missing = attach(self._item.config, judgement, self._context.options, routes_spec=self._scope.routes_spec)
-        place = place_of(self._item, verdict.requirement)
-        stated = "" if place is None else "\n  stated:  {}:{}".format(*place)
-        reach = self._reach(verdict.requirement)
-        error = BrokenRequirementError(self._text(judgement) + legible(reach + missing) + stated, verdict)
-        self._item.stash.setdefault(RAISED, []).append(error)
-        raise error
-
-    def _leave_open(self, judgement: Judgement) -> None:
-        """Fail, skip or note an inconclusive verdict, as `--drive-inconclusive` says."""
-        __tracebackhide__ = True
-        mode = self._context.options.inconclusive
-        if mode == "fail":
-            self._fail(judgement)
-            return
-        first = self._text(judgement).partition("\n")[0]
-        if mode == "skip":
-            pytest.skip(first)
-        self._item.user_properties.append((INCONCLUSIVE, first))
-
-    def _text(self, judgement: Judgement) -> str:
-        text = failure_text(
-            judgement.verdict,
-            self._context.options,
-            routes_spec=self._scope.routes_spec,
-            privileged=judgement.privileged,
-        )
-        return legible(text)
 
     def _reach(self, requirement: Requirement) -> str:
         """Return, for a margin requirement, the largest severity that holds, or why it is unknown; else `""`."""
