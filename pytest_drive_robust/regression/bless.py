@@ -88,7 +88,7 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         )
     if not signature.reason.strip():
         raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
-    broken = [f"{cell.agent} under {cell.setting} on {told}" for cell in run.cells.values() for told in cell.broken]
+    broken = [f"{cell.name} on {told}" for cell in run.cells.values() for told in cell.broken]
     if broken:
         others = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
         raise UsageError(

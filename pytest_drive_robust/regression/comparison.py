@@ -38,17 +38,14 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
         cells=cells,
         mismatches=tuple(dict.fromkeys(found)),
         notes=tuple(sorted((*shared.notes, *shared.lacking, *_about_rules(cells)))),
-        unscored=tuple(f"{cell.agent} under {cell.setting}: {_not_scored(cell)}" for cell in shared.unscored),
+        unscored=tuple(f"{cell.name}: {_not_scored(cell)}" for cell in shared.unscored),
         elsewhere=len(shared.lacking),
     )
 
 
 def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:
     def told(snapshot: Snapshot) -> str:
-        cells = [
-            f"{cell.agent} under {cell.setting} ({len(cell.routes)} routes{_broken(cell)})"
-            for cell in snapshot.cells.values()
-        ]
+        cells = [f"{cell.name} ({len(cell.routes)} routes{_broken(cell)})" for cell in snapshot.cells.values()]
         return f"{snapshot.label} holds {first_few(cells, 4) or 'nothing'}"
 
     return f"there is nothing to compare: {told(before)}; {told(after)}. Expected a setting with common routes."

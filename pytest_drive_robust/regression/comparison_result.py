@@ -90,6 +90,11 @@ class CellComparison:
     same_seeds: bool
 
     @property
+    def name(self) -> str:
+        """`"AGENT under SETTING"`, as in the new run."""
+        return f"{self.agent} under {self.setting}"
+
+    @property
     def all_routes(self) -> int:
         """The number of routes that the two runs hold together."""
         return self.routes + self.missing + self.added
@@ -152,7 +157,7 @@ class Comparison:
     def unjudged(self) -> tuple[str, ...]:
         """`"AGENT under SETTING: REASON"` for each setting that could not be judged."""
         errors = (
-            f"{cell.agent} under {cell.setting}: {next(item.problem for item in cell.findings if item.problem)}"
+            f"{cell.name}: {next(item.problem for item in cell.findings if item.problem)}"
             for cell in self.cells
             if cell.verdict == "error"
         )

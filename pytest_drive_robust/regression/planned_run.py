@@ -94,7 +94,7 @@ def _of_routes(before: Snapshot, pairs: Sequence[tuple[Cell, Mapping[str, str]]]
 
 def _nothing_in_common(before: Snapshot, planned: Collection[tuple[str, str]]) -> str:
     asked = first_few([f"{agent} under {setting}" for agent, setting in planned], _MOST_CELLS)
-    held = first_few([f"{agent} under {setting}" for agent, setting in before.cells], _MOST_CELLS)
+    held = first_few([cell.name for cell in before.cells.values()], _MOST_CELLS)
     return (
         f"{_LABEL} could not be compared with {before.label}: they have no agent, setting and route in common. "
         f"{_LABEL.capitalize()} drives {asked}; {before.label} holds {held or 'nothing'}."

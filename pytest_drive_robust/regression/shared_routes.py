@@ -52,13 +52,9 @@ class Shared:
             unscored += tuple(replace(old, routes={}, broken=(_CUT_OFF,)) for old in only_before)
             only_before = []
         lacking = [
-            *(f"not in {before.label}: {_named(new)}" for new in only_after),
-            *(
-                f"not in {before.label} on the same routes: {_named(new)}"
-                for old, new in pairs
-                if not pairs_of(old, new)
-            ),
-            *(f"not in {after.label}: {_named(old)}" for old in only_before),
+            *(f"not in {before.label}: {new.name}" for new in only_after),
+            *(f"not in {before.label} on the same routes: {new.name}" for old, new in pairs if not pairs_of(old, new)),
+            *(f"not in {after.label}: {old.name}" for old in only_before),
         ]
         notes = [f"{old} is compared with {new}" for new, old in renamed.items()]
         only_new = [told for old, new in compared for told in _only_in(new, old.routes)]
@@ -66,7 +62,7 @@ class Shared:
         # Broken and stopped cells of the new run are reported on their own.
         whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]
         mismatches = (
-            *cut_off(before, map(_named, only_after)),
+            *cut_off(before, [new.name for new in only_after]),
             *incomplete(before.label, [old for old, _ in pairs]),
             *stopped(before.label, [old for old, _ in pairs]),
             *stopped(after.label, [new for _, new in pairs]),
@@ -140,7 +136,3 @@ def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:
 def _first_of(told: Sequence[str]) -> str:
     others = len(told) - 1
     return told[0] + (f", and so under {others} more setting{'' if others == 1 else 's'}" if others else "")
-
-
-def _named(cell: Cell) -> str:
-    return f"{cell.agent} under {cell.setting}"

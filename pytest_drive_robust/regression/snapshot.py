@@ -80,6 +80,11 @@ class Cell:
     broken: tuple[str, ...] = ()
     stopped: tuple[str, ...] = ()
 
+    @property
+    def name(self) -> str:
+        """`"AGENT under SETTING"`."""
+        return f"{self.agent} under {self.setting}"
+
 
 @dataclass(frozen=True, slots=True)
 class Snapshot:

@@ -49,13 +49,13 @@ def conclusion(comparison: Comparison) -> str:
     count = counted(len(comparison.cells) + len(comparison.unscored), "setting")
     unjudged = comparison.unjudged
     if comparison.regressions:
-        worse = [f"{cell.agent} under {cell.setting}" for cell in comparison.regressions]
+        worse = [cell.name for cell in comparison.regressions]
         told = f"REGRESSION: {len(worse)} of {count} against {label}: {first_few(worse, 1)}"
         return f"{told}; {len(unjudged)} not judged" if unjudged else told
     if unjudged:
         return f"NOT JUDGED: {len(unjudged)} of {count} against {label}: {first_few(unjudged, 1)}"
     if comparison.terms.open_fails and comparison.open:
-        unclear = [f"{cell.agent} under {cell.setting}" for cell in comparison.open]
+        unclear = [cell.name for cell in comparison.open]
         return f"INCONCLUSIVE: {len(unclear)} of {count} against {label}: {first_few(unclear, 1)}"
     part = _part(comparison)
     if all(cell.same_seeds and not cell.changed for cell in comparison.cells):
@@ -113,7 +113,7 @@ def _stories(comparison: Comparison) -> Iterator[str]:
             continue
         with_clean = max(item.changed for item in cell.findings)
         clean = f", {with_clean} with their clean scores" if with_clean > cell.changed else ""
-        yield f"{cell.agent} under {cell.setting}: {cell.changed} of {counted(cell.routes, 'route')} changed{clean}"
+        yield f"{cell.name}: {cell.changed} of {counted(cell.routes, 'route')} changed{clean}"
         if (rise := cell.rise) is not None:
             yield f"  RD {_change(rise)}"
         yield from (f"  {_finding(cell, finding)}" for finding in broken)
