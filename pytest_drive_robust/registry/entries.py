@@ -150,6 +150,9 @@ class Entry:
         """The name as a user writes it: `"embedded"`, `"gymnasium:ID"`."""
         return f"{self.name}:{self.argument}" if self.argument else self.name
 
+    def __str__(self) -> str:
+        return f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin}"
+
     def bound_to(self, argument: str) -> Entry:
         """Return the entry `name:argument`, which loads this entry and calls the loaded object with `argument`."""
 
@@ -175,8 +178,7 @@ class Entry:
             raise
         except BaseException as error:  # an import may also call sys.exit() or pytest.skip()
             raise PluginError(
-                f"the {self.kind.removesuffix('s')} {self.name!r} from {self.origin} does not load: "
-                f"{type(error).__name__}: {error}{raised_at(error)}. {self.advice}".rstrip()
+                f"{self} does not load: {type(error).__name__}: {error}{raised_at(error)}. {self.advice}".rstrip()
             ) from error
         return PartialFactory.of(loaded) if self.kind == "agents" else loaded
 

@@ -9,15 +9,11 @@ from pytest_drive_robust.registry.entries import Entry
 from pytest_drive_robust.registry.raised_at import raised_at
 
 
-def _called(entry: Entry) -> str:
-    return f"the {entry.kind.removesuffix('s')} {entry.name!r} from {entry.origin}"
-
-
 def factory_of(entry: Entry) -> Callable[..., object]:
     """Load the factory of an entry. Raises `PluginError` when the factory cannot be called."""
     factory = entry.load()
     if not callable(factory):
-        raise PluginError(f"{_called(entry)} is {factory!r}, expected a class or a function that makes one.")
+        raise PluginError(f"{entry} is {factory!r}, expected a class or a function that makes one.")
     return factory
 
 
@@ -26,19 +22,19 @@ def made_by(entry: Entry, *arguments: object, protocol: type) -> object:
 
     Raises `PluginError` when the factory fails, or when the object lacks a member of `protocol`.
     """
-    factory, what = factory_of(entry), _called(entry)
+    factory = factory_of(entry)
     try:
         made: object = factory(*arguments)
     except DriveRobustError:
         raise
     except (Exception, SystemExit) as error:  # sys.exit() would end a command, with its own exit code
-        raise PluginError(f"{what} could not be made: {type(error).__name__}: {error}{raised_at(error)}") from error
+        raise PluginError(f"{entry} could not be made: {type(error).__name__}: {error}{raised_at(error)}") from error
     if isinstance(made, type):
-        raise PluginError(f"{what} gave the class {made.__name__}, expected an object of it: add the brackets.")
+        raise PluginError(f"{entry} gave the class {made.__name__}, expected an object of it: add the brackets.")
     missing = missing_members(made, protocol)
     if missing:
         raise PluginError(
-            f"{what} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
+            f"{entry} lacks {', '.join(missing)}: a {type(made).__name__} does not keep the protocol "
             f"{protocol.__module__}.{protocol.__name__}."
         )
     return made

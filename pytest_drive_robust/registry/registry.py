@@ -186,7 +186,7 @@ class Registry:
         entry = self.entry("metrics", name)
         function = entry.load()
         if not callable(function):
-            raise PluginError(f"the metric {name!r} from {entry.origin} is {function!r}, expected a function.")
+            raise PluginError(f"{entry} is {function!r}, expected a function.")
         return cast("MetricFunction", function)
 
     def names(self, kind: str) -> list[tuple[str, str]]:
@@ -237,7 +237,7 @@ class Registry:
         for entry in itertools.chain.from_iterable(self._all("metrics").values()):
             problem = "" if entry.origin == BUILT_IN else _metric_name_problem(entry.name)
             if problem:
-                yield PluginError(f"the metric {entry.name!r} from {entry.origin} cannot be used: {problem}")
+                yield PluginError(f"{entry} cannot be used: {problem}")
 
     def _register(self, kind: str, name: str, target: Callable[..., object], *, argument: str = "") -> None:
         if not name or ":" in name or name != name.strip():
