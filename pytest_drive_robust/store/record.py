@@ -151,7 +151,7 @@ def _decoded(data: bytes) -> EpisodeRecord:
             ),
             schedule=tuple(Injection(**item) for item in header["schedule"]),
             versions=header["versions"],
-            reception=_reception(header["reception"]),
+            reception=reception_of(header["reception"]),
             given=None if given is None else StoredGiven(packed=given[0], shape=given[2]),
             tracks=None if tracks is None else StoredTracks(tracks[0]),
             trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
@@ -163,7 +163,8 @@ def _decoded(data: bytes) -> EpisodeRecord:
     )
 
 
-def _reception(fields: dict[str, Any] | None) -> Reception | None:
+def reception_of(fields: Any) -> Reception | None:
+    """Return the reception of plain JSON types, as a header and the log of an injection hold it; None for None."""
     if fields is None:
         return None
     cameras, consumes = tuple(fields["cameras"]), tuple(fields["consumes"])

@@ -12,7 +12,6 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Any
 
 from pytest_drive_robust.bench2drive.agent_argument import require_configuration, split_argument
 from pytest_drive_robust.bench2drive.asked_variables import require_planner_type
@@ -27,7 +26,7 @@ from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.evaluator.setup import EvaluatorSetup, setting_as_json
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
+from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -35,6 +34,7 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
+from pytest_drive_robust.store.record import reception_of
 from pytest_drive_robust.store.record_files import hide_from_git
 
 AGENT_PREFIX = "leaderboard:"
@@ -246,13 +246,5 @@ def _result(driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder)
         scenario=result.scenario or request.route.scenario.type,
         schedule=tuple(Injection(*line) for line in schedule) if isinstance(schedule, list) else (),
         inference_s=tuple(map(float, inference_s)) if isinstance(inference_s, list) else (),
-        reception=_reception(driven.injected.get("reception")),
+        reception=reception_of(driven.injected.get("reception")),
     )
-
-
-def _reception(told: Any) -> Reception | None:
-    """Return the reception that the injection logged, None without a log."""
-    if told is None:
-        return None
-    touched = tuple(Touch(**touch) for touch in told["touched"])
-    return Reception(tuple(told["cameras"]), tuple(told["consumes"]), told["observations"], touched)
