@@ -52,7 +52,7 @@ def comparison_as_json(comparison: Comparison) -> dict[str, object]:
         "label": comparison.before.label,
         "terms": {
             "fail_on": list(map(str, terms.allowances)),
-            "verdict": terms.kind,
+            "verdict": terms.rule,
             "on_mismatch": terms.policy,
             "inconclusive": "fail" if terms.open_fails else "warn",
         },
