@@ -42,7 +42,7 @@ def refuse_unknown_keys(config: pytest.Config) -> None:
                 f"there is no ini key named {key!r}: {meant.flag} is for the command line only. Give it there, or "
                 "in addopts."
             )
-        raise UnknownNameError.of("ini key", key, keys)
+        raise UnknownNameError.of("ini key", key, keys, hint="`pytest --help` tells what each does.")
 
 
 def refuse_unknown_marks(item: pytest.Item) -> None:

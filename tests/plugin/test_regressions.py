@@ -184,7 +184,7 @@ def test_alone_the_option_takes_the_newest_run(suite):
 @pytest.mark.parametrize(
     ("args", "told"),
     [
-        (("--drive-compare=befor",), "there is no stored run named 'befor'."),
+        (("--drive-compare=befor",), "there is no stored run named 'befor', nor any other. Store one"),
         (("--drive-compare=baseline",), "no baseline was blessed yet"),
         (("--drive-compare=missing.json",), "there is no run file named 'missing.json'"),
         (("--drive-compare", "test_suite.py"), "If it was meant as a path to collect, put it before --drive-compare"),
