@@ -8,13 +8,13 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from _pytest.skipping import evaluate_skip_marks
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.plugin.environment import keep_environment
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext, marker_options
+from pytest_drive_robust.plugin.marks import is_skipped
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.requirement_place import requirements_of
@@ -58,7 +58,8 @@ class CollectionPlugin:
         context = _with_all_plugins(config)
         if not context.options.is_external:  # the official evaluator starts its agents itself
             keep_environment(config)
-        driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
+        # the agent of a test that is not run may be missing on this machine
+        driving = [item for item in session.items if uses_drive(item) and not is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(_named_by_all(driving)))
         for item in driving:
             note_problem(config, item.nodeid, partial(self._add, context, item))
@@ -112,14 +113,6 @@ class CollectionPlugin:
         self.requests.update(scope.plan(wanted))
         self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)
-
-
-def _is_skipped(item: pytest.Item) -> bool:
-    """Return True for a test that its marks skip: the agent of a skipped test may be missing on this machine."""
-    try:
-        return item.config.pluginmanager.hasplugin("skipping") and evaluate_skip_marks(item) is not None
-    except (Exception, pytest.fail.Exception):  # a condition that cannot be evaluated: pytest says so in the test
-        return False
 
 
 def _named_by_all(driving: Sequence[pytest.Item]) -> MarkerOptions:
