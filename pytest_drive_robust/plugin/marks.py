@@ -1,7 +1,6 @@
 """Asks pytest what the marks of a test mean, by calling the hooks of its own plugin `skipping` alone.
 
-What evaluates `skipif` and `xfail` is private in pytest; its hooks, and the names of its plugins (`-p no:skipping`), are
-not.
+What evaluates `skipif` and `xfail` is private in pytest; hooks, and names of plugins (`-p no:skipping`), are not.
 """
 
 from __future__ import annotations

@@ -196,7 +196,6 @@ def test_alone_the_option_takes_the_newest_run(suite):
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared. Add --drive-compare RUN, or"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: drive this agent: "),
-        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: drive this agent: "),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),
@@ -217,6 +216,23 @@ def test_what_cannot_be_used_is_refused_before_anything_was_driven(suite, driven
     assert result.ret == 4
     assert told in "\n".join((*result.outlines, *result.errlines))
     assert driven() == []
+
+
+@processes
+def test_an_empty_override_sets_a_value_of_the_ini_file_aside_for_one_run(suite, workers):
+    folder = suite(HOLDS)
+    run(folder, "--drive-json=base.json", "--drive-seeds=3", "--drive-verdict=point")
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write("drive_compare = base.json\ndrive_json = run.json\ndrive_seeds = 3\n")
+    slow_down(folder)
+    assert run(folder, *workers).ret == 1
+    (folder.path / "run.json").unlink()
+    aside = [word for key in ("compare", "json", "seeds") for word in ("-o", f"drive_{key}=")]
+    result = run(folder, *aside, *workers)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["drive-robust: * seeds=0 *"])
+    result.stdout.no_fnmatch_line("*compare*")
+    assert not (folder.path / "run.json").exists()
 
 
 def test_a_store_that_cannot_be_written_is_refused_before_a_run_is_driven_for_it(suite, driven):
