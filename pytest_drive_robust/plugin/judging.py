@@ -67,12 +67,17 @@ class Drive:
         self._scope = context.scopes.of(marker)
         self._verdict_rule = replace(marker.verdict_rule(context.options.verdict_rule), family=context.family)
         self._reading = marker.asked_reading(context.options.asked_reading)
-        self._was_asked = False
+        self._calls = 0
+
+    @property
+    def calls(self) -> int:
+        """How often the test has asked for a verdict, a number or episodes."""
+        return self._calls
 
     @property
     def was_asked(self) -> bool:
         """True once the test asked for a verdict, a number or an episode."""
-        return self._was_asked
+        return self._calls > 0
 
     @property
     def agent(self) -> str:
@@ -231,7 +236,7 @@ class Drive:
     @contextmanager
     def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
-        self._was_asked = True
+        self._calls += 1
         try:
             with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield

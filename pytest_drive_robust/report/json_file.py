@@ -41,6 +41,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "episodes": [episode_as_json(key, result) for key, result in run.episodes.items()],
         "notes": [*mixed_machines(run), *run.notes],
         "ended_early": run.ended_early,
+        "stopped_tests": run.stopped_tests,
     }
     return {key: _finite(value) for key, value in document.items()}
 

@@ -343,6 +343,16 @@ def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> N
     assert comparison.regressed
 
 
+def test_a_setting_that_a_stopped_test_may_have_asked_for_is_not_judged_and_another_agents_is_a_note() -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), cell(BUSY, agent="other"))
+    new = replace(snapshot(cell(BUSY), label="new"), stopped_tests=("test_it.py::test_two", "test_it.py::test_more"))
+    comparison = compare(old, new)
+    told = "a verdict stopped test_it.py::test_two and 1 more, which may have asked for it after that"
+    assert comparison.unjudged == (f"driver under occlusion 0.5: not scored: {told}",)
+    assert comparison.regressed
+    assert comparison.notes == ("not in new: other under clean",)
+
+
 def test_a_run_that_stopped_at_its_verdicts_is_refused_in_one_sentence() -> None:
     new = replace(cell(BUSY[:5]), stopped=("5 of 64 routes of routes.xml",))
     (refusal,) = compare(snapshot(cell(BUSY)), snapshot(new, label="new")).refusals
