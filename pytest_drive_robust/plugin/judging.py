@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.parsers import routes_from_root
@@ -48,8 +48,6 @@ from pytest_drive_robust.verdict.touched import require_touched
 
 ONE_AT_A_TIME = threading.RLock()
 """The lock for asking the campaign: a test may ask from several threads, the campaign answers one at a time."""
-_UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
-"""Errors that leave a requirement without a number to judge; they become `NotJudgedError`."""
 
 
 class Drive:
@@ -240,7 +238,7 @@ class Drive:
         try:
             with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield
-        except _UNJUDGED as error:
+        except DriveRobustError as error:  # whichever: there is no number to judge
             self._item.user_properties.append(("drive_verdict", "error"))
             told = NotJudgedError(what, error)
             self._item.stash[NOT_JUDGED_ERROR] = told
@@ -313,7 +311,7 @@ class Drive:
                     limit=requirement.limit,
                     comparison=requirement.comparison,
                 )
-        except _UNJUDGED as error:  # the verdict does not depend on this search
+        except DriveRobustError as error:  # the verdict does not depend on this search
             return f"\n  the largest severity that holds is not known: {error}"
         return f"\n  {found}"
 
