@@ -15,7 +15,7 @@ from statistics import fmean, stdev
 from typing import Any
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError, first_few
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
@@ -44,7 +44,8 @@ def propose_limits(
 
     Leaves out limits that could not be broken (an RD of 1, a DS of 0) and an RD whose clean driving score is below the
     floor. Raises `UsageError` when no limit is left, when `agent` is not in the run, and when the run ended early, has
-    episodes without a score, or has verdicts that were reached without some of the routes.
+    a test that a verdict stopped or episodes without a score, or has verdicts that were reached without some of the
+    routes.
     """
     cells = {
         Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
@@ -82,6 +83,12 @@ def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> 
         raise UsageError(
             f"the run {run.label!r} is incomplete: not all of its tests came to their verdicts, so requirements "
             "are missing. Such a run gives no limits: run its command again."
+        )
+    if run.stopped_tests:
+        raise UsageError(
+            f"the run {run.label!r} is incomplete: a verdict stopped {first_few(run.stopped_tests, 1)}, so what stands "
+            "after that may be missing. Such a run gives no limits: give each requirement a test or a subtest of its "
+            "own, and run its command again."
         )
     broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
     if broken:

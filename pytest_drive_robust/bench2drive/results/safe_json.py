@@ -15,7 +15,7 @@ _SHOWN_CHARACTERS = 120
 
 def read_json(path: Path) -> object:
     """Return the value in a JSON file. Raises `UsageError` for a file that is no JSON, also for NaN and Infinity."""
-    name = shown(str(path))
+    name = printable(str(path))
     if not path.is_file():  # a pipe would wait for ever
         raise UsageError(f"there is no file {name}.")
     try:
@@ -27,7 +27,7 @@ def read_json(path: Path) -> object:
     except RecursionError:
         raise UsageError(f"{name} is not a file of results: it is nested too deeply.") from None
     except ValueError as error:
-        raise UsageError(f"{name} is not valid JSON: {shown(str(error), quotes=False)}.") from None
+        raise UsageError(f"{name} is not valid JSON: {printable(str(error), quotes=False)}.") from None
 
 
 def is_empty(path: Path) -> bool:
@@ -49,7 +49,7 @@ def finite(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def shown(text: object, *, quotes: bool = True) -> str:
+def printable(text: object, *, quotes: bool = True) -> str:
     """Return foreign text for a message: one line that every terminal can print, cut when it is long."""
     try:
         plain = str(text) if isinstance(text, (str, int, float, Path)) else type(text).__name__
