@@ -44,7 +44,7 @@ def test_failures_are_counted_by_setting_and_open_their_episodes(opened):
     page = report.go("#/failures")
     run = data_of(report.folder)
     broken = sum(len(cluster["episodes"]) for cluster in run["clusters"])
-    assert text(page).startswith(f"{broken} failures")
+    assert text(page).startswith(f"{broken} episodes went wrong")
     cell = page.locator("td.heat a").first
     count = int(cell.inner_text())
     report.follow(cell)

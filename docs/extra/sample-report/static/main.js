@@ -8,7 +8,7 @@
 
   function tabs() {
     const run = driveRobust.given.get("run");
-    const found = [["", "Overview"], ["failures", "Failures"], ["episodes", "Episodes"]];
+    const found = [["", "Overview"], ["failures", "What went wrong"], ["episodes", "Episodes"]];
     if (run.comparison) found.push(["compare", "Compare"]);
     return found;
   }

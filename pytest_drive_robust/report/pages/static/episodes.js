@@ -61,8 +61,8 @@ driveRobust.views.set("episodes", (() => {
   ];
 
   function outcome(item) {
-    if (item.outcome === "infra_error") return "simulation error";
-    if (item.outcome === "agent_error") return "agent error";
+    if (item.outcome === "infra_error") return "the simulation broke";
+    if (item.outcome === "agent_error") return "the agent broke";
     if (item.success) return "success";
     return item.outcome === "completed" ? "completed with infractions" : "failed";
   }
@@ -77,7 +77,7 @@ driveRobust.views.set("episodes", (() => {
     const selects = FILTERS.map(([name, of]) => {
       const words = [...new Set(episodes.flatMap((item) => of(item, run)))].sort();
       const select = h("select", { name, onchange: () => change(name, select.value) }, h("option", { value: "" }, "any"), words.map((word) => h("option", { value: word, selected: query.get(name) === word }, name === "kind" ? sentence.get(word) : word)));
-      return words.length > 1 || query.get(name) ? h("label", {}, h("span", {}, name === "kind" ? "failure" : name), select) : null;
+      return words.length > 1 || query.get(name) ? h("label", {}, h("span", {}, name === "kind" ? "what went wrong" : name), select) : null;
     });
     const now = Object.fromEntries(query);
 

@@ -11,7 +11,7 @@ driveRobust.views.set("episode", (() => {
     vehicle_blocked: "blocked", route_timeout: "out of time", min_speed_infractions: "too slow",
   };
 
-  /* A failure touches one of these signals, or else a camera, which has a name of the agent's. */
+  /* A perturbation touches one of these signals, or else a camera, which has a name of the agent's. */
   const SIGNALS = { gps: "GPS", compass: "compass", imu: "IMU", speed: "speed", control: "control" };
 
   function coloursNow() {
@@ -194,7 +194,7 @@ driveRobust.views.set("episode", (() => {
         item("route", "route"), item("plan", "the agent's plan"),
         item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
         this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
-        this.own.episode.spans.length ? item("span", "a failure is at work") : null,
+        this.own.episode.spans.length ? item("span", "the perturbation is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
 
@@ -363,7 +363,7 @@ driveRobust.views.set("episode", (() => {
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
       const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
-      const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `failure at work: ${words.join(", ")}` : "";
+      const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `perturbation at work: ${words.join(", ")}` : "";
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
     }
