@@ -164,6 +164,33 @@ def test_every_view_fits_every_width(opened, width, scheme):
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_went_wrong_and_what_was_perturbed_have_words_of_their_own(opened):
+    report = opened()
+    for view in VIEWS:
+        page = report.go(view)
+        said = f"{page.title()} {page.evaluate('document.body.innerText')}".lower()
+        assert "failure" not in said, view
+        assert "failing" not in said, view
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_verdicts_have_other_colours_than_clean_and_perturbed_and_marks(opened, scheme):
+    report = opened(scheme=scheme)
+    page = report.go()
+    names = "['clean', 'perturbed', 'clean-ink', 'perturbed-ink', 'good', 'bad', 'good-ink', 'bad-ink', 'error']"
+    root = "getComputedStyle(document.documentElement)"
+    colours = page.evaluate(f"{names}.map((name) => {root}.getPropertyValue(`--${{name}}`).trim())")
+    assert len(set(colours)) == len(colours)
+    assert page.locator(".bullet.fail .value").first.evaluate("dot => getComputedStyle(dot).fill") in (
+        "rgb(125, 26, 94)",
+        "rgb(243, 178, 222)",
+    )
+    page = report.go("#/episodes")
+    mark = "cell => getComputedStyle(cell, '::after').content"
+    assert page.locator("td.won").first.evaluate(mark).startswith('"\u2713"')
+    assert page.locator("td.lost").first.evaluate(mark).startswith('"\u2717"')
+
+
 def test_axe_finds_no_fault(opened, scheme):
     axe = resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
     report = opened(scheme=scheme)

@@ -36,7 +36,7 @@ driveRobust.episodeTable = (() => {
         const href = driveRobust.episodes.href(item, driveRobust.episodes.moment(item));
         const cells = columns.map(([name, of]) => {
           if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, breakable(item.place.scenario)));
-          if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}`, "data-label": "DS" }, fixed(item.ds, 1));
+          if (name === "DS") return h("td", { class: `number score${item.scored ? (item.success ? " won" : " lost") : ""}`, "data-label": "DS" }, fixed(item.ds, 1));
           if (name === "clean DS") return h("td", { class: "number twin" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
           if (name === "driven") return h("td", { class: "number driven" }, seconds(item.seconds));
           if (name === "route") return h("td", { class: "route", "data-label": "route" }, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
@@ -91,7 +91,9 @@ driveRobust.views.set("episodes", (() => {
       const words = (now.q || "").toLowerCase().split(/\s+/).filter(Boolean);
       const active = FILTERS.filter(([name]) => now[name]);
       const found = episodes.filter((item) => active.every(([name, of]) => of(item, run).includes(now[name])) && words.every((word) => textOf(item).includes(word)));
-      count.textContent = `${found.length} of ${counted(episodes.length, "episode")}, ${found.filter((item) => item.success).length} without a fault`;
+      const well = found.filter((item) => item.success).length;
+      const chosen = [...words, ...active.map(([name]) => `${name} ${now[name]}`)].join(", ");
+      count.replaceChildren(`${found.length} of ${counted(episodes.length, "episode")}: \u2713 ${well} without a fault, \u2717 ${found.length - well} went wrong`, h("span", { class: "printed" }, chosen && `; chosen: ${chosen}`));
       results.replaceChildren(...driveRobust.episodeTable(found, { clean: true }));
     }
 
