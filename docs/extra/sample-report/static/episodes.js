@@ -13,7 +13,7 @@ driveRobust.episodeTable = (() => {
     const all = driveRobust.episodes.all();
     let [sorted, way, count] = [null, 1, STEP];
     const body = h("tbody", {});
-    const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } }, "Show more");
+    const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } });
     const columns = COLUMNS.filter(([name]) => setting || name !== "setting");
     if (agent) columns.splice(2, 0, ["agent", (item) => item.agent, false]);
     if (clean) columns.splice(columns.length - 3, 0, ["clean DS", (item) => (item.twin >= 0 ? all[item.twin].ds ?? -1 : -1), true]);
@@ -45,6 +45,7 @@ driveRobust.episodeTable = (() => {
         return h("tr", {}, numbered ? h("td", { class: "number soft place" }, at + 1) : null, cells);
       }));
       more.hidden = episodes.length <= count;
+      more.textContent = `Show more: ${Math.min(count, episodes.length)} of ${episodes.length} are here`;
     }
 
     fill();
@@ -64,7 +65,7 @@ driveRobust.views.set("episodes", (() => {
     if (item.outcome === "infra_error") return "the simulation broke";
     if (item.outcome === "agent_error") return "the agent broke";
     if (item.success) return "success";
-    return item.outcome === "completed" ? "completed with infractions" : "failed";
+    return item.outcome === "completed" ? "completed with infractions" : "did not complete the route";
   }
 
   function render(parts, query) {

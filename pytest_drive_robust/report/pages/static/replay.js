@@ -63,7 +63,7 @@ driveRobust.views.set("episode", (() => {
       nodes: [
         ...heading,
         player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
-        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
+        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" }), h("p", { class: "soft" }, `films/${film}`)) : null,
         facts(episode, beside),
         others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
       ],
@@ -320,7 +320,7 @@ driveRobust.views.set("episode", (() => {
         ArrowLeft: () => this.step(event.shiftKey ? -second : -1), ArrowRight: () => this.step(event.shiftKey ? second : 1),
         j: () => this.step(-5 * second), l: () => this.step(5 * second),
         Home: () => this.seek(0), End: () => this.seek(this.length), n: () => this.next(1), p: () => this.next(-1),
-        "+": () => this.faster(1), "-": () => this.faster(-1),
+        "+": () => this.faster(1), "-": () => this.faster(-1), Escape: () => { if (this.playing) this.toggle(); },
       };
       const action = actions[event.key];
       if (action) { event.preventDefault(); action(); }
@@ -459,7 +459,7 @@ driveRobust.views.set("episode", (() => {
     }
   }
 
-  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
 
   return { render };
 })());
