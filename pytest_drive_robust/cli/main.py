@@ -23,7 +23,7 @@ COMMANDS = {
     "routes": "list routes, check that they can be driven, or draw them from above",
     "runs": "list the runs that --drive-save stored",
     "compare": "tell whether run B is worse than run A; exit code 1 when it is",
-    "report": "write a run as a folder of pages: verdicts, failures, replays",
+    "report": "write a run as a folder of pages: verdicts, what went wrong, replays",
     "limits": "propose limits for an agent from a run that drove it, to be reviewed",
     "bless": "accept a run as the baseline that later runs are compared with",
     "score": "compute the totals of official Bench2Drive results",

@@ -37,6 +37,7 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
 from pytest_drive_robust.simulators.routes import own_routes
 from pytest_drive_robust.verdict.explain import first_divergence
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 _SUFFIXES = (".mp4", ".png")
 _DESCRIPTION = """Drives ROUTE clean and under a setting, and writes one video with both side by side: what the agent
@@ -291,5 +292,7 @@ def _print_result(result: EpisodeResult) -> None:
     print(f"  {result.outcome.value}: {f'DS {driving_score(result):.1f}, {way}' if scored else 'not scored'}")
     print(f"  ended after {result.game_s:.2f} s ({result.wall_s:.2f} s on the clock): {result.end_detail}")
     for infraction in result.infractions:
-        print(f"  {infraction.tick * result.dt_s:7.2f} s  {infraction.kind.value}: {infraction.detail}")
+        print(
+            f"  {infraction.tick * result.dt_s:7.2f} s  {infraction.kind.value}: {infraction_words(infraction.detail)}"
+        )
     print(f"  trajectory {result.trace.digest}")

@@ -21,9 +21,9 @@ from pytest_drive_robust.report.pages.folder import check_folder, write_pages
 from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
-_DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, failures, replays, what changed against another
-run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are not there
-are listed, but cannot be replayed."""
+_DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, what went wrong, replays, what changed against
+another run. Open its index.html; it needs no network and no server. The episodes come from the store; those that are
+not there are listed, but cannot be replayed."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -98,7 +98,7 @@ _RUN = (
     _switch("--drive-fresh", "drive again what earlier runs left in the store"),
     Option("--drive-json", "FILE", "", "write all verdicts, summaries and episodes to FILE"),
     Option("--drive-csv", "FILE", "", "write one line for each episode to FILE"),
-    Option("--drive-report", "FOLDER", "", "write web pages to FOLDER: verdicts, failures, replays"),
+    Option("--drive-report", "FOLDER", "", "write web pages to FOLDER: verdicts, what went wrong, replays"),
     _switch("--drive-plan", "show which episodes are needed and stored; drive nothing"),
     _switch("--drive-probe", "drive one clean episode twice first, and report whether it repeats to the bit"),
 )

@@ -177,7 +177,7 @@ def _clean_sentence(setting: str) -> str:
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:
-    """Return the routes that flipped: newly failing routes first, and the largest loss of driving score first."""
+    """Return the routes that flipped: those that newly go wrong first, and the largest loss of driving score first."""
     flips = [Flip(was.succeeds, was, now) for was, now in pairs if was.succeeds != now.succeeds]
     return tuple(sorted(flips, key=lambda flip: (not flip.fails, flip.after.ds - flip.before.ds, flip.after.route_id)))
 

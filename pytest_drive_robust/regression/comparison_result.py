@@ -37,7 +37,7 @@ class Numbers:
 
 @dataclass(frozen=True, slots=True)
 class Flip:
-    """A route that succeeded in one run and failed in the other. `fails` is True for a newly failing route."""
+    """A route that succeeded in one run and failed in the other. `fails` is True for a route that newly goes wrong."""
 
     fails: bool
     before: RouteScore

@@ -151,8 +151,8 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
 
 
 def _flips(cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterator[str]:
+    word = "newly going wrong" if flips and flips[0].fails else "newly without a fault"  # all flip the same way
     for flip in flips[:most]:
-        word = "newly failing" if flip.fails else "newly passing"
         yield f"  {word}: {flip.after.route_id} {flip.after.scenario}"
         yield _story("was", flip.before)
         yield _story("is", flip.after)
@@ -161,7 +161,7 @@ def _flips(cell: CellComparison, flips: Sequence[Flip], *, most: int) -> Iterato
     if len(flips) > most:
         rest = ", ".join(flip.after.route_id for flip in flips[most : most + 10])
         more = " ..." if len(flips) > most + 10 else ""
-        yield f"  and {len(flips) - most} more {'newly failing' if flips[0].fails else 'newly passing'}: {rest}{more}"
+        yield f"  and {len(flips) - most} more {word}: {rest}{more}"
 
 
 def _story(word: str, score: RouteScore) -> str:

@@ -89,7 +89,7 @@ def _verdict(judged: Judged) -> tuple[str, ...]:
 
 
 def _compared(comparison: Comparison) -> list[str]:
-    """Return the conclusion, the settings with a changed score, before and after, and the newly failing routes."""
+    """Return the conclusion, the settings with a changed score before and after, and the routes that newly go wrong."""
     parts = [f"### {_cell(conclusion(comparison))}"]
     cells = [] if comparison.refusals else [cell for cell in comparison.cells if cell.changed or cell.regressed]
     if cells:
@@ -103,7 +103,7 @@ def _compared(comparison: Comparison) -> list[str]:
         for cell, before, after in broken[:_MOST_FLIPS]
     ]
     lines += [f"- and {len(broken) - _MOST_FLIPS} more"] if len(broken) > _MOST_FLIPS else []
-    return [*parts, "\n".join(("newly failing:\n", *lines))] if lines else parts
+    return [*parts, "\n".join(("newly going wrong:\n", *lines))] if lines else parts
 
 
 def _before_and_after(cell: CellComparison) -> tuple[str, ...]:

@@ -10,9 +10,12 @@ from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.verdict.explain import infraction_s
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 _WIDTH, _HEIGHT, _LEFT, _TOP = 560, 300, 46, 30
 _CLEAN, _PERTURBED = "#1f77c4", "#dd6b10"
+_KEPT, _LOST = "#59626d", "#7d1a5e"
+"""Whether a route kept its score: other colours than the two of clean and perturbed."""
 _STYLE = "font:12px sans-serif;fill:#444;background:#fff"
 
 Points = Sequence[tuple[float, float]]
@@ -30,7 +33,7 @@ def scores_svg(clean: Sequence[EpisodeResult], perturbed: Sequence[EpisodeResult
     for x, y, route_id in pairs:
         across, down = _place((x, y), (100.0, 100.0))
         title = f"<title>{_text(route_id)}: {x:.1f} clean, {y:.1f}</title>"
-        colour = _PERTURBED if y < x else _CLEAN
+        colour = _LOST if y < x else _KEPT
         marks.append(f'<circle cx="{across}" cy="{down}" r="4" fill="{colour}" fill-opacity="0.6">{title}</circle>')
     return _chart("driving score by route: clean across, perturbed up", marks, (100.0, 100.0))
 
@@ -39,16 +42,16 @@ def speeds_svg(clean: EpisodeResult, perturbed: EpisodeResult) -> str:
     """Return an SVG plot of the speed of both egos over time, with a line at each infraction of the perturbed ego."""
     curves = []
     for result in (clean, perturbed):
-        speeds = result.trace.column("speed_mps").tolist()
+        speeds = (3.6 * result.trace.column("speed_mps")).tolist()
         curves.append([((tick + 1) * result.dt_s, speed) for tick, speed in enumerate(speeds)])
-    most = (max(clean.game_s, perturbed.game_s, 1.0), max(1.0, *(speed for curve in curves for _, speed in curve)))
+    most = (max(clean.game_s, perturbed.game_s, 1.0), max(3.6, *(speed for curve in curves for _, speed in curve)))
     marks = [_path(curve, most, colour) for curve, colour in zip(curves, (_CLEAN, _PERTURBED), strict=True)]
     marks += [
-        _path([(second, 0.0), (second, most[1])], most, "#c2255c", _text(item.detail))
+        _path([(second, 0.0), (second, most[1])], most, "#c2255c", _text(infraction_words(item.detail)))
         for item in perturbed.infractions
         if (second := infraction_s(item, perturbed.dt_s)) is not None
     ]
-    name = f"{perturbed.episode.route_id}: m/s over seconds, clean blue, perturbed orange"
+    name = f"{perturbed.episode.route_id}: km/h over seconds, clean blue, perturbed orange"
     return _chart(name, marks, most)
 
 

@@ -22,6 +22,8 @@ Screen = Callable[[], AbstractContextManager[TextIO]]
 """Opens the stream of the real terminal, not the stream that pytest captures, at the start of a line; while the stream
 is open, nothing else writes to the terminal.
 """
+Leave = Callable[[], int]
+"""Returns the column at which the line above goes on after the drawing; 0 when nothing above goes on."""
 
 
 class Progress:
@@ -73,10 +75,13 @@ class PlainProgress(Progress):
 
 
 class LiveProgress(Progress):
-    """Draws one line again and again, and removes the line before other output."""
+    """Draws one line again and again, removes the line before other output, and goes back to the line above."""
 
-    def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, screen: Screen, clock: Callable[[], float] = time.monotonic, *, leave: Leave = lambda: 0
+    ) -> None:
         self._screen = screen
+        self._leave = leave
         self._clock = clock
         self._state = ProgressState(clock)
         self._live: Live | None = None
@@ -98,11 +103,16 @@ class LiveProgress(Progress):
             self._live.update(_bar(self._state), refresh=True)
 
     def pause(self) -> None:
-        """Remove the line."""
-        if self._live is not None:
-            with self._screen():
-                self._live.stop()
-            self._live = None
+        """Remove the line, and go back to where the line above goes on."""
+        if self._live is None:
+            return
+        from rich.control import Control
+
+        with self._screen():
+            self._live.stop()
+            if column := self._leave():
+                self._live.console.control(Control.move(x=column, y=-1))
+        self._live = None
 
 
 def _live_on(stream: TextIO) -> Live:

@@ -32,7 +32,8 @@ def test_the_overview_shows_every_setting_and_what_was_chosen(opened):
     report = opened()
     page = report.go()
     assert page.locator(".matrix tbody tr").count() == len(data_of(report.folder)["rows"])
-    report.follow(page.get_by_role("link", name="RD", exact=True))
+    page.get_by_role("link", name="RD", exact=True).click()
+    report.until("document.querySelectorAll('.matrix thead th').length === 2")
     assert page.locator(".matrix thead th").all_inner_texts() == ["setting", "follower:Follower"]
     report.follow(page.locator(".matrix tbody td a").first)
     assert text(page) == "Episodes"
@@ -44,7 +45,7 @@ def test_failures_are_counted_by_setting_and_open_their_episodes(opened):
     page = report.go("#/failures")
     run = data_of(report.folder)
     broken = sum(len(cluster["episodes"]) for cluster in run["clusters"])
-    assert text(page).startswith(f"{broken} failures")
+    assert text(page).startswith(f"{broken} episodes went wrong")
     cell = page.locator("td.heat a").first
     count = int(cell.inner_text())
     report.follow(cell)
@@ -163,6 +164,33 @@ def test_every_view_fits_every_width(opened, width, scheme):
         assert (sum(shade) > 600) is (scheme == "light")
 
 
+def test_what_went_wrong_and_what_was_perturbed_have_words_of_their_own(opened):
+    report = opened()
+    for view in VIEWS:
+        page = report.go(view)
+        said = f"{page.title()} {page.evaluate('document.body.innerText')}".lower()
+        assert "failure" not in said, view
+        assert "failing" not in said, view
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_verdicts_have_other_colours_than_clean_and_perturbed_and_marks(opened, scheme):
+    report = opened(scheme=scheme)
+    page = report.go()
+    names = "['clean', 'perturbed', 'clean-ink', 'perturbed-ink', 'good', 'bad', 'good-ink', 'bad-ink', 'error']"
+    root = "getComputedStyle(document.documentElement)"
+    colours = page.evaluate(f"{names}.map((name) => {root}.getPropertyValue(`--${{name}}`).trim())")
+    assert len(set(colours)) == len(colours)
+    assert page.locator(".bullet.fail .value").first.evaluate("dot => getComputedStyle(dot).fill") in (
+        "rgb(125, 26, 94)",
+        "rgb(243, 178, 222)",
+    )
+    page = report.go("#/episodes")
+    mark = "cell => getComputedStyle(cell, '::after').content"
+    assert page.locator("td.won").first.evaluate(mark).startswith('"\u2713"')
+    assert page.locator("td.lost").first.evaluate(mark).startswith('"\u2717"')
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_fault(opened, scheme):
     axe = resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
@@ -189,6 +217,39 @@ def test_it_prints_without_what_only_a_screen_needs(opened):
     assert not page.locator("nav").is_visible()
     assert not page.locator(".controls").is_visible()
     assert page.locator(".pane canvas").first.is_visible()
+    assert page.locator(".clock").is_visible(), "the moment that the pictures show"
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_nothing_is_cut_or_dark_on_paper(opened, view):
+    page = opened(width=718, height=1000, scheme="dark").go(view)  # A4 without its margins
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    page.emulate_media(media="print", color_scheme="dark")
+    shade = page.evaluate("getComputedStyle(document.body).color.match(/\\d+/g).map(Number)")
+    assert sum(shade) < 200, "dark ink"
+    assert page.locator("details:not([open])").count() == 0
+    widths = "[...document.querySelectorAll('main table')].map((item) => item.offsetWidth)"
+    assert max(page.evaluate(widths), default=0) <= 718
+    page.emulate_media(media="screen", color_scheme="dark")
+    page.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert page.evaluate("document.documentElement.dataset.theme ?? null") is None
+
+
+def test_the_link_to_the_content_leads_there_and_not_to_another_view(opened):
+    page = opened().go("#/episodes")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert page.evaluate("document.activeElement.id") == "main"
+    assert text(page) == "Episodes"
+
+
+def test_who_chooses_a_metric_by_keyboard_goes_on_from_there(opened):
+    report = opened()
+    page = report.go()
+    page.get_by_role("link", name="RD", exact=True).focus()
+    page.keyboard.press("Enter")
+    report.until("document.querySelectorAll('.matrix thead th').length === 2")
+    assert page.evaluate("document.activeElement.textContent") == "RD"
 
 
 def test_what_is_not_there_says_so(opened):

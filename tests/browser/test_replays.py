@@ -40,7 +40,7 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     page.keyboard.press("Home")
     page.keyboard.press("k")
     report.until("driveRobust.player.tick > 3")
-    page.keyboard.press("k")
+    page.keyboard.press("Escape")
     assert page.evaluate("driveRobust.player.playing") is False
     page.keyboard.press("End")
     assert tick(page) == page.evaluate("driveRobust.player.length")

@@ -46,7 +46,7 @@ def test_100_ms_more_turn_the_setting_red_that_they_break_and_no_other() -> None
     assert {cell.setting: cell.verdict for cell in comparison.cells} == {"clean": "pass", LATE: "fail"}
     worst = comparison.regressions[0].flips[0]
     assert worst.fails
-    assert f"newly failing: {worst.after.route_id} " in comparison_text(comparison, colour=False)
+    assert f"newly going wrong: {worst.after.route_id} " in comparison_text(comparison, colour=False)
 
 
 def test_the_route_that_the_message_names_shows_it_again() -> None:

@@ -226,7 +226,7 @@ def test_a_push_keeps_a_run_and_a_pull_request_is_compared_with_it_in_one_commen
     row = re.search(r"\| slow \| clean \| 100.00 \| (\d+\.\d\d) \| 1.00 \| 0.00 \|", body)
     assert row is not None, body
     assert float(row[1]) < 90.0
-    assert "newly failing:" in body
+    assert "newly going wrong:" in body
     assert "[report](https://files.invalid/1)" in body
     assert "[run](https://github.invalid/me/cars/actions/runs/42)" in body
     assert "0123456" in body
@@ -274,7 +274,7 @@ def test_each_push_of_a_pull_request_is_compared_with_the_newest_run_of_its_base
     assert job.run({**INPUTS, "pytest": "--drive-agent slow"}, **MAIN)[0]["Verdict"] == 1
     shutil.rmtree(job.folder / ".drive-robust")
     _, summary = job.run(INPUTS, **pull_request(job))
-    assert re.search(r"newly passing|no regression shown in 2 settings against branch-main", summary), summary
+    assert re.search(r"newly without a fault|no regression shown in 2 settings against branch-main", summary), summary
     assert {item.branch for item in job.caches if "-base-" in item.key} == {"main"}
 
 

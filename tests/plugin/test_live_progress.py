@@ -37,6 +37,28 @@ def plain(output: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", output)
 
 
+def screen_of(output: str) -> list[str]:
+    """Return the lines that a terminal shows in the end: what was overwritten or erased is gone."""
+    lines, row, column = [""], 0, 0
+    for code, letter in re.findall(r"\x1b\[([0-9;?]*[A-Za-z])|([^\x1b])", output):
+        count = int(code[:-1]) if code[:-1].isdigit() else 1
+        if letter == "\n":
+            row += 1
+            lines += [""] * (row + 1 - len(lines))
+        elif letter == "\r":
+            column = 0
+        elif letter:
+            lines[row] = f"{lines[row][:column]:{column}}{letter}{lines[row][column + 1 :]}"
+            column += 1
+        elif code.endswith("A"):
+            row -= count
+        elif code.endswith("C"):
+            column += count
+        elif code == "2K":
+            lines[row] = ""
+    return lines
+
+
 def run_on_a_terminal(folder, *args, columns=100, term="xterm-256color"):
     """What a terminal would be sent, and the exit code. The run is slow until the line was seen."""
     main, other = pty.openpty()
@@ -72,6 +94,10 @@ def test_a_terminal_shows_how_far_the_run_is(suite, workers):
     assert LINE.search(text), text
     assert "captured agent output" not in text
     assert "\x1b[2K" in output, "the line is erased"
+    shown = screen_of(output)
+    assert not any(LINE.search(line) for line in shown), shown
+    own = r"\." if workers else r"test_\w+\.py \."
+    assert any(re.fullmatch(rf"{own} +\[100%\]", line) for line in shown), "pytest's line is whole"
     assert re.search(r"slow +clean +100\.00", text), text
 
 

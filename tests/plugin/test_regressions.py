@@ -91,7 +91,7 @@ def test_a_worse_agent_is_red_although_its_requirements_hold(both, workers):
             "note: the agent steady changed: source * became *",
             "steady under *: 3 of 3 routes changed",
             "  broken: DS drops by 5 % at most; *",
-            "  newly failing: * Straight",
+            "  newly going wrong: * Straight",
             "    was  100.0  completed",
             "    is * out of time at 3.0 s",
             "    replay:  drive-robust -p conftest.py replay * --agent steady --setting * --seed 0 "

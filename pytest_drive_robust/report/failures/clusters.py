@@ -1,4 +1,4 @@
-"""Groups the episodes that broke by what happened, with one sentence for each group."""
+"""Groups the episodes that went wrong by what happened, with one sentence for each group."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from pytest_drive_robust.report.failures.road import Road
 
 _RECENT_S = 2.0
 _MOSTLY = 0.9
-"""The largest share of an episode during which a failure may be active and still explain a moment."""
+"""The largest share of an episode during which a perturbation may be active and still explain a moment."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cluster:
-    """Numbers of the episodes that broke alike; `example` is the number of the clearest episode."""
+    """Numbers of the episodes that went wrong alike; `example` is the number of the clearest episode."""
 
     sentence: str
     episodes: tuple[int, ...]
@@ -47,7 +47,7 @@ def clusters_of(
 
 
 def sentence_of(result: EpisodeResult, road: Road | None) -> str:
-    """Return what happened in an episode that broke, as in `"Hit a vehicle while turning left"`."""
+    """Return what happened in an episode that went wrong, as in `"Hit a vehicle while turning left"`."""
     moment = first_failure(result, road)
     parts = [moment.what]
     if moment.moves:
@@ -56,9 +56,9 @@ def sentence_of(result: EpisodeResult, road: Road | None) -> str:
 
 
 def _during(result: EpisodeResult, tick: int) -> str:
-    """Return which failure was active shortly before `tick`, or an empty string; permanent failures do not count.
+    """Return which perturbation was active shortly before `tick`, or an empty string; permanent ones do not count.
 
-    An event of `tick` happens at the end of the tick, so a failure that begins in `tick` comes too late to count.
+    An event of `tick` happens at the end of the tick, so a perturbation that begins in `tick` comes too late to count.
     """
     recent = tick - round(_RECENT_S / result.dt_s)
     for item in result.schedule:

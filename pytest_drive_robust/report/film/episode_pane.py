@@ -151,7 +151,7 @@ def _pedals(picture: Pixels, box: c.Rectangle, name: str, control: Control | Non
     steer = c.Rectangle(box.x + 234, box.y, 44, box.height)
     c.bar(picture, throttle, 0.0 if control is None else control.throttle, c.GOOD)
     c.bar(picture, brake, 0.0 if control is None else control.brake, c.WRONG)
-    for part, words in ((throttle, "gas"), (brake, "brake"), (steer, "")):
+    for part, words in ((throttle, "throttle"), (brake, "brake"), (steer, "")):
         cv2.rectangle(picture, (part.x, part.y), (part.right - 1, part.bottom - 1), _FRAME, 1)
         c.text(picture, words, (part.x + 5, part.y + 14), size=0.42)
     middle = steer.x + steer.width // 2

@@ -9,6 +9,7 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.runner.replay.recording import Tape
 from pytest_drive_robust.verdict.explain import PLACELESS, first_divergence
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 _MOST_TELLING = 6
 _HOLD_S = 1.0
@@ -98,7 +99,7 @@ def _divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> tuple[int, st
 
 def _events(result: EpisodeResult) -> tuple[StoryEvent, ...]:
     events = [
-        StoryEvent(item.tick, item.detail, None if item.kind in PLACELESS else (item.x_m, item.y_m))
+        StoryEvent(item.tick, infraction_words(item.detail), None if item.kind in PLACELESS else (item.x_m, item.y_m))
         for item in result.infractions
     ]
     if result.outcome in (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR):

@@ -1,4 +1,4 @@
-"""Draws the strips below the panes: speed, pedals and steering over time for both egos, failures and events."""
+"""Draws the strips below the panes: speed, pedals and steering over time for both egos, perturbations and events."""
 
 from __future__ import annotations
 
@@ -15,10 +15,12 @@ from pytest_drive_robust.report.film.story import Story
 
 AREA = c.Rectangle(0, 466, 1280, 254)
 _LEFT, _RIGHT = 118, 1264
-_FAILURE = c.Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)
+_PERTURBED = c.Rectangle(_LEFT, 486, _RIGHT - _LEFT, 8)
 _AXIS_Y = 714
 _COLOURS = (c.CLEAN, c.PERTURBED)
 _MARK_SIZE = 0.45
+_LIMITS_PX = 32
+"""The width at the right end of the strip of speed in which the numbers of its axis stand."""
 _STEPS_S = (1, 2, 5, 10, 20, 50, 100)
 
 
@@ -40,7 +42,7 @@ class Strips:
         fastest = max(float(result.trace.column("speed_mps").max(initial=0.0)) * 3.6 for result in results)
         self._strips = (
             _Strip("speed", "km/h", c.Rectangle(_LEFT, 500, _RIGHT - _LEFT, 84), 0.0, max(10.0, 1.08 * fastest)),
-            _Strip("gas", "brake", c.Rectangle(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
+            _Strip("throttle", "brake", c.Rectangle(_LEFT, 590, _RIGHT - _LEFT, 60), -1.05, 1.05),
             _Strip("steer", "", c.Rectangle(_LEFT, 656, _RIGHT - _LEFT, 40), -1.05, 1.05),
         )
         self._picture = self._painted(results)
@@ -50,14 +52,17 @@ class Strips:
         area = AREA.of(picture)
         area[:] = self._picture
         now = self._column(position)
-        for box in (_FAILURE, *(strip.box for strip in self._strips)):
+        for box in (_PERTURBED, *(strip.box for strip in self._strips)):
             later = picture[box.y : box.bottom, now : box.right]
             later[:] = later // 2 + np.array(c.BACKGROUND, np.uint8) // 2
-        cv2.line(picture, (now, _FAILURE.y), (now, self._strips[-1].box.bottom), c.INK, 2)
+        cv2.line(picture, (now, _PERTURBED.y), (now, self._strips[-1].box.bottom), c.INK, 2)
         skims = position in self._story.skimmed and position < self._story.length
         second = f"{position * self._dt_s:.2f} s" + (f"  >> {self._story.SKIM} x" if skims else "")
-        align = "right" if now > _RIGHT - 150 else "left"
-        c.text(picture, second, (now + (-8 if align == "right" else 8), 516), size=0.5, bold=True, align=align)
+        free = self._strips[0].box.right - _LIMITS_PX
+        if now + 8 + c.text_width(second, 0.5, bold=True) <= free:
+            c.text(picture, second, (now + 8, 516), size=0.5, bold=True)
+        else:
+            c.text(picture, second, (min(now - 8, free), 516), size=0.5, bold=True, align="right")
 
     def _column(self, position: float) -> int:
         return _LEFT + round((_RIGHT - _LEFT - 1) * position / max(self._story.length, 1))
@@ -70,7 +75,7 @@ class Strips:
         for result, colour in zip(results, _COLOURS, strict=False):
             for strip, values in zip(self._strips, _curves(result), strict=True):
                 self._curve(whole, strip, values, colour)
-        self._failures(whole, results[-1])
+        self._perturbations(whole, results[-1])
         self._marks(whole)
         area: Pixels = whole[AREA.y :].copy()
         return area
@@ -116,13 +121,13 @@ class Strips:
         share = (value - strip.low) / (strip.high - strip.low)
         return strip.box.bottom - 1 - round(share * (strip.box.height - 1))
 
-    def _failures(self, picture: Pixels, result: EpisodeResult) -> None:
-        """Draw the ticks in which a failure was active."""
-        c.fill(picture, _FAILURE, c.PANEL)
-        c.text(picture, "failure", (_LEFT - 10, _FAILURE.bottom + 2), size=0.5, align="right")
+    def _perturbations(self, picture: Pixels, result: EpisodeResult) -> None:
+        """Draw the ticks in which a perturbation was active."""
+        c.fill(picture, _PERTURBED, c.PANEL)
+        c.text(picture, "perturbation", (_LEFT - 10, _PERTURBED.bottom + 2), size=0.5, align="right")
         for span in result.schedule:
             left, right = self._column(span.first_tick), self._column(span.last_tick + 1)
-            c.fill(picture, c.Rectangle(left, _FAILURE.y, max(right - left, 1), _FAILURE.height), c.PERTURBED)
+            c.fill(picture, c.Rectangle(left, _PERTURBED.y, max(right - left, 1), _PERTURBED.height), c.PERTURBED)
 
     def _marks(self, picture: Pixels) -> None:
         """Draw lines through all strips at the first divergence and every infraction, with words if there is room."""
@@ -133,12 +138,14 @@ class Strips:
             marks.append((self._column(at), f"first divergence {at * self._dt_s:.2f} s", c.MARK))
         marks.sort(key=lambda mark: mark[:2])
         for number, (x, words, colour) in enumerate(marks):
-            cv2.line(picture, (x, _FAILURE.y - 6), (x, bottom), colour, 2)
+            cv2.line(picture, (x, _PERTURBED.y - 6), (x, bottom), colour, 2)
             if colour == c.MARK:
-                corners = np.array(((x - 7, _FAILURE.y - 18), (x + 7, _FAILURE.y - 18), (x, _FAILURE.y - 6)), np.int32)
+                corners = np.array(
+                    ((x - 7, _PERTURBED.y - 18), (x + 7, _PERTURBED.y - 18), (x, _PERTURBED.y - 6)), np.int32
+                )
                 cv2.fillConvexPoly(picture, corners, c.MARK, cv2.LINE_AA)
             else:
-                cv2.drawMarker(picture, (x, _FAILURE.y - 10), c.WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
+                cv2.drawMarker(picture, (x, _PERTURBED.y - 10), c.WRONG, cv2.MARKER_TILTED_CROSS, 11, 3, cv2.LINE_AA)
             self._name(picture, words, x, colour, [mark[0] for mark in marks if mark[0] != x], first=number == 0)
 
     def _name(
@@ -147,9 +154,9 @@ class Strips:
         """Write the words right of a mark, or left of the first mark; nothing if another mark is in the way."""
         need = c.text_width(words, _MARK_SIZE) + 24
         if x + need <= min((other for other in others if other > x), default=_RIGHT + 12):
-            c.text(picture, words, (x + 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour)
+            c.text(picture, words, (x + 12, _PERTURBED.y - 6), size=_MARK_SIZE, colour=colour)
         elif first and x - need >= 0:
-            c.text(picture, words, (x - 12, _FAILURE.y - 6), size=_MARK_SIZE, colour=colour, align="right")
+            c.text(picture, words, (x - 12, _PERTURBED.y - 6), size=_MARK_SIZE, colour=colour, align="right")
 
 
 def _curves(result: EpisodeResult) -> tuple[Floats, Floats, Floats]:

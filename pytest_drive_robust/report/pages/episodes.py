@@ -14,6 +14,7 @@ from pytest_drive_robust.metrics.efficiency import efficiency
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.verdict.explain import PLACELESS, describe_outcome, first_divergence, infraction_s
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 
 class EpisodeTable:
@@ -99,7 +100,12 @@ class EpisodeTable:
     def _events(self, result: EpisodeResult) -> list[list[Any]]:
         """Return kind, second, sentence and place in cm of every infraction, by time; None for unknown values."""
         return [
-            [self.word(item.kind.value), _second(item, result.dt_s), self.word(item.detail), *_place(item)]
+            [
+                self.word(item.kind.value),
+                _second(item, result.dt_s),
+                self.word(infraction_words(item.detail)),
+                *_place(item),
+            ]
             for item in sorted(result.infractions, key=lambda event: event.tick)
         ]
 

@@ -8,7 +8,7 @@
     told          tick, GPS x and y in dm, speed in dm/s, age of the oldest image in ticks (differences)
 
 Tables are packed as in `store.track_bytes`; row `k` of the ego is the world after `k * every + 1` ticks. A told signal
-that no failure touched is `UNTOUCHED`.
+that no perturbation touched is `UNTOUCHED`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def tracks_text(result: EpisodeResult) -> str:
 
 
 def _told(result: EpisodeResult) -> NDArray[np.int32]:
-    """Return the given signals that a failure touched, (rows, 5); no row when no failure touched any of them."""
+    """Return the given signals that a perturbation touched, (rows, 5); no row when none touched any of them."""
     reception, given = result.reception, result.given
     if given is None or reception is None or not reception.touched or not len(given.rows):
         return np.zeros((0, 5), np.int32)

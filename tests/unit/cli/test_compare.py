@@ -32,8 +32,8 @@ def test_a_regression_exits_with_1_and_shows_the_routes(capsys: pytest.CaptureFi
     shown = capsys.readouterr().out
     assert "REGRESSION: 1 of 2 settings against a: driver under 200 ms latency" in shown
     assert "broken: DS drops by 5 % at most; 74.00 -> 37.00 (-50.0 %) on 40 routes" in shown
-    assert shown.count("newly failing: ") == 6
-    assert "15 more newly failing" in shown
+    assert shown.count("newly going wrong: ") == 6
+    assert "15 more newly going wrong" in shown
     assert 'replay:  drive-robust replay 1 --agent driver --setting "200 ms latency" --seed 0' in shown
 
 

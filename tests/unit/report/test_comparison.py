@@ -74,9 +74,9 @@ def test_the_conclusion_claims_no_more_than_was_compared(
 
 def test_many_flips_are_cut_and_the_others_named() -> None:
     text = comparison_text(compare(snapshot(cell(GOOD)), snapshot(cell([10.0] * 40))), colour=False)
-    assert text.count("newly failing: ") == 6
+    assert text.count("newly going wrong: ") == 6
     assert text.count("replay:  ") == 5
-    assert "  and 35 more newly failing: " in text
+    assert "  and 35 more newly going wrong: " in text
     assert text.splitlines()[-1] == "REGRESSION: 1 of 1 setting against run: driver under clean"
 
 
@@ -84,7 +84,7 @@ def test_no_replay_is_offered_where_others_drive() -> None:
     evaluated = replace(PRINT, simulator="bench2drive")
     before, after = (snapshot(cell([ds] * 40, fingerprint=evaluated)) for ds in (100.0, 10.0))
     text = comparison_text(compare(before, after), colour=False)
-    assert "newly failing: " in text
+    assert "newly going wrong: " in text
     assert "replay" not in text
 
 

@@ -92,7 +92,7 @@ driveRobust.charts = (() => {
         h("title", {}, `after ${counted(point[0], "route")}: ${shown(point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
     }
     // last, so that no curve crosses the words
-    const note = (value, below, words, strong) => svg.append(h("text", { class: `note${strong ? " strong" : ""}`, x: width - margin.right, y: y(value) + (below ? 15 : -5), "text-anchor": "end" }, words));
+    const note = (value, below, words, strong) => svg.append(h("text", { class: `note${strong ? " strong" : ""}`, x: width - margin.right, y: y(value) + (below && y(value) + 20 < height - margin.bottom ? 15 : -5), "text-anchor": "end" }, words));
     if (shownLenient) note(item.lenient, item.comparison !== "<=", "limit and margin");
     note(item.limit, item.comparison === "<=", `limit ${shownLimit(item.metric, item.limit)}`, true);
     return svg;

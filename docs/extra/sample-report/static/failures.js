@@ -1,5 +1,5 @@
 "use strict";
-/* Episodes that broke, grouped by what happened. */
+/* Episodes that went wrong, grouped by what happened. */
 driveRobust.views.set("failures", (() => {
   const { h, link, counted, scroller } = driveRobust;
 
@@ -8,11 +8,11 @@ driveRobust.views.set("failures", (() => {
     const { clusters } = run;
     if (name) return one(run, clusters.find((item) => item.name === name));
     const total = clusters.reduce((sum, cluster) => sum + cluster.episodes.length, 0);
-    if (!total) return { title: "Failures", nodes: [h("h1", {}, "No episode broke"), h("p", {}, "Every route was driven to its end without an infraction.")] };
+    if (!total) return { title: "What went wrong", nodes: [h("h1", {}, "No episode went wrong"), h("p", {}, "Every route was driven to its end without an infraction.")] };
     return {
-      title: "Failures",
+      title: "What went wrong",
       nodes: [
-        h("h1", {}, `${counted(total, "failure")} of ${clusters.length} kind${clusters.length === 1 ? "" : "s"}`),
+        h("h1", {}, `${counted(total, "episode")} went wrong, in ${counted(clusters.length, "way")}`),
         h("p", { class: "lead" }, "Grouped by what went wrong first and what the car was doing then. The columns are settings, shaded by the share of their episodes; a number opens its episodes."),
         matrix(run, clusters),
       ],
@@ -26,12 +26,12 @@ driveRobust.views.set("failures", (() => {
     const most = Math.max(...clusters.flatMap((cluster) => columns.map((column) => countOf(episodes, cluster, column) / column.driven)));
     const sum = (of) => columns.reduce((total, column) => total + of(column), 0);
     const spans = agents.map((agent) => [agent, columns.filter((column) => column.agent === agent).length]).filter(([, count]) => count);
-    return scroller("Failures by setting", h("table", { class: "matrix tall" },
+    return scroller("What went wrong, by setting", h("table", { class: "matrix tall" },
       h("thead", {},
         agents.length > 1 ? h("tr", {}, h("td", { colspan: 3 }), spans.map(([agent, count]) => h("th", { scope: "colgroup", colspan: count, class: "group", title: agent }, agent))) : null,
         h("tr", {}, h("th", { scope: "col" }, "what happened"), h("th", { scope: "col", class: "number" }, "all"), h("th", { scope: "col" }, "example"), columns.map(({ setting }) => h("th", { scope: "col", class: "turned", title: setting }, h("span", {}, setting))))),
       h("tbody", {},
-        h("tr", { class: "driven" }, h("th", { scope: "row" }, "broken of driven"), share(sum((column) => column.broken), sum((column) => column.driven)), h("td", {}), columns.map((column) => share(column.broken, column.driven))),
+        h("tr", { class: "driven" }, h("th", { scope: "row" }, "went wrong, of driven"), share(sum((column) => column.wrong), sum((column) => column.driven)), h("td", {}), columns.map((column) => share(column.wrong, column.driven))),
         clusters.map((cluster) => h("tr", {},
           h("th", { scope: "row" }, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence)),
           h("td", { class: "number" }, cluster.episodes.length),
@@ -45,12 +45,12 @@ driveRobust.views.set("failures", (() => {
     const names = new Map(run.rows.map((row) => [JSON.stringify([row.agent, row.setting]), row]));
     return [...names.values()].map(({ agent, setting }) => {
       const driven = own.filter((episode) => episode.agent === agent && episode.setting === setting);
-      return { agent, setting, driven: driven.length, broken: driven.filter((episode) => episode.cluster >= 0).length };
+      return { agent, setting, driven: driven.length, wrong: driven.filter((episode) => episode.cluster >= 0).length };
     }).filter((column) => column.driven);
   }
 
-  function share(broken, driven) {
-    return h("td", { class: "number" }, broken, h("span", { class: "range" }, ` of ${driven}`));
+  function share(wrong, driven) {
+    return h("td", { class: "number" }, wrong, h("span", { class: "range" }, ` of ${driven}`));
   }
 
   function cell(cluster, { agent, setting, driven }, count, most) {
@@ -68,12 +68,12 @@ driveRobust.views.set("failures", (() => {
   }
 
   function one(run, cluster) {
-    if (!cluster) return { title: "No such failure", nodes: [h("h1", {}, "No such kind of failure")] };
+    if (!cluster) return { title: "Nothing like this", nodes: [h("h1", {}, "No episode went wrong in this way")] };
     const episodes = driveRobust.episodes.all();
     return {
       title: cluster.sentence,
       nodes: [
-        h("p", { class: "crumbs" }, h("a", { href: link(["failures"]) }, "Failures")),
+        h("p", { class: "crumbs" }, h("a", { href: link(["failures"]) }, "What went wrong")),
         h("h1", {}, cluster.sentence),
         h("p", { class: "lead" }, counted(cluster.episodes.length, "episode")),
         driveRobust.episodeTable(cluster.episodes.map((number) => episodes[number]), { clean: true }),

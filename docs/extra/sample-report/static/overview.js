@@ -27,7 +27,7 @@ driveRobust.views.set("", (() => {
         run.comparison ? h("p", { class: `callout ${run.comparison.regressed || run.comparison.refused ? "bad" : "good"}` }, h("a", { href: link(["compare"]) }, run.comparison.conclusion)) : null,
         items.length ? h("section", {}, h("h2", {}, "Requirements"), requirements(items)) : null,
         h("section", { id: "matrix" }, matrix(run, query.get("metric") || (agentsOf(run).length > 1 ? "RD" : "all"))),
-        broken(run),
+        wrong(run),
         notes(run),
         facts(run),
       ],
@@ -142,14 +142,14 @@ driveRobust.views.set("", (() => {
     return row.routes < row.planned ? `${row.routes} of ${row.planned}` : String(row.routes);
   }
 
-  function broken(run) {
+  function wrong(run) {
     const clusters = run.clusters.slice(0, 5);
     if (!clusters.length) return null;
     const total = driveRobust.episodes.own().filter((item) => item.cluster >= 0).length;
     const most = clusters[0].episodes.length;
     return h("section", {}, h("h2", {}, "What goes wrong most"),
       h("ul", { class: "bars" }, clusters.map((cluster, number) => h("li", {}, h("a", { href: link(["failures", cluster.name]) }, cluster.sentence), h("span", { class: "barline", vars: { share: `${(100 * cluster.episodes.length) / most}%` } }), h("span", { class: "number" }, cluster.episodes.length)))),
-      h("p", {}, h("a", { href: link(["failures"]) }, `${counted(total, "failure")} of ${counted(run.clusters.length, "kind")}`)));
+      h("p", {}, h("a", { href: link(["failures"]) }, `${counted(total, "episode")} went wrong, in ${counted(run.clusters.length, "way")}`)));
   }
 
   function notes(run) {

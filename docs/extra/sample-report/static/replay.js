@@ -11,7 +11,7 @@ driveRobust.views.set("episode", (() => {
     vehicle_blocked: "blocked", route_timeout: "out of time", min_speed_infractions: "too slow",
   };
 
-  /* A failure touches one of these signals, or else a camera, which has a name of the agent's. */
+  /* A perturbation touches one of these signals, or else a camera, which has a name of the agent's. */
   const SIGNALS = { gps: "GPS", compass: "compass", imu: "IMU", speed: "speed", control: "control" };
 
   function coloursNow() {
@@ -63,7 +63,7 @@ driveRobust.views.set("episode", (() => {
       nodes: [
         ...heading,
         player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
-        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" })) : null,
+        film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" }), h("p", { class: "soft" }, `films/${film}`)) : null,
         facts(episode, beside),
         others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
       ],
@@ -194,7 +194,7 @@ driveRobust.views.set("episode", (() => {
         item("route", "route"), item("plan", "the agent's plan"),
         item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
         this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
-        this.own.episode.spans.length ? item("span", "a failure is at work") : null,
+        this.own.episode.spans.length ? item("span", "the perturbation is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
 
@@ -320,7 +320,7 @@ driveRobust.views.set("episode", (() => {
         ArrowLeft: () => this.step(event.shiftKey ? -second : -1), ArrowRight: () => this.step(event.shiftKey ? second : 1),
         j: () => this.step(-5 * second), l: () => this.step(5 * second),
         Home: () => this.seek(0), End: () => this.seek(this.length), n: () => this.next(1), p: () => this.next(-1),
-        "+": () => this.faster(1), "-": () => this.faster(-1),
+        "+": () => this.faster(1), "-": () => this.faster(-1), Escape: () => { if (this.playing) this.toggle(); },
       };
       const action = actions[event.key];
       if (action) { event.preventDefault(); action(); }
@@ -363,7 +363,7 @@ driveRobust.views.set("episode", (() => {
       const words = [...new Set(signals)];
       if (told && told.age !== null && told.age > 1) words.push(`picture ${fixed(told.age * this.dt, 2)} s old`);
       const event = pane.episode.events.filter((item) => item.second !== null && item.second <= now && now - item.second < 3).pop();
-      const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `failure at work: ${words.join(", ")}` : "";
+      const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `perturbation at work: ${words.join(", ")}` : "";
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
     }
@@ -459,7 +459,7 @@ driveRobust.views.set("episode", (() => {
     }
   }
 
-  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["home end", "start and end"]];
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
 
   return { render };
 })());

@@ -75,7 +75,7 @@ driveRobust.Scene = (() => {
       };
     }
 
-    /* Return the signals last given to the agent, null where no failure changed them. */
+    /* Return the signals last given to the agent, null where no perturbation changed them. */
     told(tick) {
       const { told } = this.motion;
       if (!told.rows) return null;

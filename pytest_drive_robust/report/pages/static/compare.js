@@ -18,8 +18,8 @@ driveRobust.views.set("compare", (() => {
         h("p", { class: "soft" }, `before: ${comparison.before}${comparison.beforeMade ? ` (${comparison.beforeMade})` : ""}; now: ${comparison.after}`),
         comparison.settings.length ? h("section", {}, h("h2", {}, "Settings, the worst change first"), table(worst)) : null,
         means(comparison),
-        list("Newly failing", flips.filter((flip) => flip.fails)),
-        list("Newly passing", flips.filter((flip) => !flip.fails)),
+        list("Newly going wrong", flips.filter((flip) => flip.fails)),
+        list("Newly without a fault", flips.filter((flip) => !flip.fails)),
         comparison.notes.length ? h("section", {}, h("h2", {}, "To know"), h("ul", {}, comparison.notes.map((note) => h("li", {}, note)))) : null,
       ],
     };

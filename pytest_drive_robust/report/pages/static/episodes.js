@@ -13,7 +13,7 @@ driveRobust.episodeTable = (() => {
     const all = driveRobust.episodes.all();
     let [sorted, way, count] = [null, 1, STEP];
     const body = h("tbody", {});
-    const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } }, "Show more");
+    const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } });
     const columns = COLUMNS.filter(([name]) => setting || name !== "setting");
     if (agent) columns.splice(2, 0, ["agent", (item) => item.agent, false]);
     if (clean) columns.splice(columns.length - 3, 0, ["clean DS", (item) => (item.twin >= 0 ? all[item.twin].ds ?? -1 : -1), true]);
@@ -36,7 +36,7 @@ driveRobust.episodeTable = (() => {
         const href = driveRobust.episodes.href(item, driveRobust.episodes.moment(item));
         const cells = columns.map(([name, of]) => {
           if (name === "scenario") return h("th", { scope: "row" }, h("a", { href }, breakable(item.place.scenario)));
-          if (name === "DS") return h("td", { class: `number${item.success ? "" : " lost"}`, "data-label": "DS" }, fixed(item.ds, 1));
+          if (name === "DS") return h("td", { class: `number score${item.scored ? (item.success ? " won" : " lost") : ""}`, "data-label": "DS" }, fixed(item.ds, 1));
           if (name === "clean DS") return h("td", { class: "number twin" }, item.twin >= 0 ? fixed(all[item.twin].ds, 1) : "\u2013");
           if (name === "driven") return h("td", { class: "number driven" }, seconds(item.seconds));
           if (name === "route") return h("td", { class: "route", "data-label": "route" }, item.seed ? `${item.route}, seed ${item.seed}` : item.route);
@@ -45,6 +45,7 @@ driveRobust.episodeTable = (() => {
         return h("tr", {}, numbered ? h("td", { class: "number soft place" }, at + 1) : null, cells);
       }));
       more.hidden = episodes.length <= count;
+      more.textContent = `Show more: ${Math.min(count, episodes.length)} of ${episodes.length} are here`;
     }
 
     fill();
@@ -61,10 +62,10 @@ driveRobust.views.set("episodes", (() => {
   ];
 
   function outcome(item) {
-    if (item.outcome === "infra_error") return "simulation error";
-    if (item.outcome === "agent_error") return "agent error";
+    if (item.outcome === "infra_error") return "the simulation broke";
+    if (item.outcome === "agent_error") return "the agent broke";
     if (item.success) return "success";
-    return item.outcome === "completed" ? "completed with infractions" : "failed";
+    return item.outcome === "completed" ? "completed with infractions" : "did not complete the route";
   }
 
   function render(parts, query) {
@@ -77,7 +78,7 @@ driveRobust.views.set("episodes", (() => {
     const selects = FILTERS.map(([name, of]) => {
       const words = [...new Set(episodes.flatMap((item) => of(item, run)))].sort();
       const select = h("select", { name, onchange: () => change(name, select.value) }, h("option", { value: "" }, "any"), words.map((word) => h("option", { value: word, selected: query.get(name) === word }, name === "kind" ? sentence.get(word) : word)));
-      return words.length > 1 || query.get(name) ? h("label", {}, h("span", {}, name === "kind" ? "failure" : name), select) : null;
+      return words.length > 1 || query.get(name) ? h("label", {}, h("span", {}, name === "kind" ? "what went wrong" : name), select) : null;
     });
     const now = Object.fromEntries(query);
 
@@ -91,7 +92,9 @@ driveRobust.views.set("episodes", (() => {
       const words = (now.q || "").toLowerCase().split(/\s+/).filter(Boolean);
       const active = FILTERS.filter(([name]) => now[name]);
       const found = episodes.filter((item) => active.every(([name, of]) => of(item, run).includes(now[name])) && words.every((word) => textOf(item).includes(word)));
-      count.textContent = `${found.length} of ${counted(episodes.length, "episode")}, ${found.filter((item) => item.success).length} without a fault`;
+      const well = found.filter((item) => item.success).length;
+      const chosen = [...words, ...active.map(([name]) => `${name} ${now[name]}`)].join(", ");
+      count.replaceChildren(`${found.length} of ${counted(episodes.length, "episode")}: \u2713 ${well} without a fault, \u2717 ${found.length - well} went wrong`, h("span", { class: "printed" }, chosen && `; chosen: ${chosen}`));
       results.replaceChildren(...driveRobust.episodeTable(found, { clean: true }));
     }
 

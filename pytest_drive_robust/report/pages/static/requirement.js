@@ -58,11 +58,11 @@ driveRobust.views.set("requirement", (() => {
     return episode.twin >= 0 ? driveRobust.episodes.all()[episode.twin] : null;
   }
 
-  /* An error has no routes behind it: show the episodes that caused the error. */
+  /* An error has no routes behind it: show the broken episodes, those in which the agent or the simulation broke. */
   function broken(item) {
     if (!item.broken.length) return null;
     const all = driveRobust.episodes.all();
-    return h("section", {}, h("h2", {}, "Episodes that ended in an error"), driveRobust.episodeTable(item.broken.map((number) => all[number])));
+    return h("section", {}, h("h2", {}, "Broken episodes"), h("p", { class: "soft" }, "In them the agent or the simulation broke, so the requirement could not be judged."), driveRobust.episodeTable(item.broken.map((number) => all[number])));
   }
 
   function worst(item) {

@@ -211,3 +211,15 @@ def test_text_is_wrapped_at_blanks() -> None:
     assert len(lines) == 2
     assert " ".join(lines) == "outside its lanes for 8 m, 7 % of the way"
     assert text_width(lines[0], 0.6) <= 200
+
+
+def test_the_second_of_the_last_moments_leaves_the_numbers_of_the_axis_alone(film: Film) -> None:
+    numbers = Rectangle(1232, 502, 28, 18)
+    for position in range(film.story.length - 15, film.story.length + 1):
+        now = 118 + round(1145 * position / film.story.length)
+        beside = film.picture(position)[numbers.y : numbers.bottom, numbers.x : min(numbers.right, now - 3)]
+        assert not (beside > 200).all(axis=2).any()
+
+
+def test_an_impact_is_told_in_the_unit_of_the_speed_beside_it(film: Film) -> None:
+    assert [event.words for event in film.story.events[1]] == ["hit van at 15 km/h"]

@@ -270,6 +270,12 @@ def test_every_kind_of_episode_can_be_shown(tmp_path):
     assert columns["trace"] == [1, 1, 0]
 
 
+def test_an_impact_is_told_in_the_unit_of_the_speeds_beside_it_and_names_the_vehicle(tmp_path):
+    told = Infraction(InfractionKind.COLLISION_VEHICLE, 20, "hit emergency at 9.3 m/s")
+    write_pages(tmp_path, records(make_result("101", infractions=[told])))
+    assert "hit emergency vehicle at 33 km/h" in data_of(tmp_path)["episodes"]["words"]
+
+
 def test_what_nobody_told_of_an_infraction_is_null(tmp_path):
     events = [Infraction(InfractionKind.RED_LIGHT, *told) for told in ((0, "", 1.5, 2.0), (0, ""), (20, ""))]
     write_pages(tmp_path, records(make_result("101", infractions=events)))
