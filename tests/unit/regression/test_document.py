@@ -90,7 +90,7 @@ def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
 
 def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": 1, "settings": {}, "summaries": [], "episodes": [NaN]}')
-    with pytest.raises(UsageError, match=r"run\.json' is not valid JSON: NaN is no number of JSON\."):
+    with pytest.raises(UsageError, match=r"run\.json' is not valid JSON: NaN is not a number in JSON\."):
         read_document(tmp_path / "run.json")
 
 
@@ -118,7 +118,7 @@ def test_the_place_of_what_was_edited_is_named(tmp_path: Path, field: str, given
 
 def test_brackets_without_an_end_are_no_run(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("[" * 100_000)
-    with pytest.raises(UsageError, match=r"run\.json.* is (damaged: RecursionError|not valid JSON)"):
+    with pytest.raises(UsageError, match=r"run\.json.* is not valid JSON"):
         read_document(tmp_path / "run.json")
 
 
