@@ -37,7 +37,7 @@ __all__ = [
 ]
 
 
-_MOST_NAMES = 50
+_MOST_NAMES = 8
 """The most known names that one message lists: nobody reads a longer list."""
 
 
@@ -53,12 +53,21 @@ class UnknownNameError(UsageError):
     """No entry has this name. The message gives the nearest name, the known names and a hint."""
 
     @classmethod
-    def of(cls, what: str, given: str, known: Iterable[str], *, hint: str = "") -> UnknownNameError:
-        """Return the error for the name `given`, which is not in `known`; the message gives the nearest known name."""
-        names = sorted(known)
-        message = f"there is no {what} named {given!r}.{did_you_mean(given, names)}"
-        message += f" Known: {first_few(names, _MOST_NAMES) or 'none'}."
-        return cls(f"{message} {hint}".rstrip())
+    def of(
+        cls, what: str, given: str, known: Iterable[str], *, hint: str = "", listed_by: str = ""
+    ) -> UnknownNameError:
+        """Return the error for the name `given`, which is not in `known`.
+
+        The message lists the known names; of many only the nearest, and the command `listed_by`, which lists them all.
+        """
+        names = sorted(set(known))
+        if not names:
+            return cls(f"there is no {what} named {given!r}, nor any other. {hint}".rstrip())
+        listed = f"Known: {', '.join(names)}."
+        if len(names) > _MOST_NAMES:
+            listed = f"Nearest of {len(names)}: {', '.join(_nearest_first(given, names)[:_MOST_NAMES])}."
+            listed += f" `{listed_by}` lists all." if listed_by else ""
+        return cls(f"there is no {what} named {given!r}.{did_you_mean(given, names)} {listed} {hint}".rstrip())
 
 
 class PerturbationError(UsageError):
@@ -100,6 +109,19 @@ def nearest(given: str, known: Iterable[str]) -> str | None:
     lowered = {name.lower(): name for name in known}
     found = difflib.get_close_matches(str(given).lower(), lowered, n=1, cutoff=0.5)
     return lowered[found[0]] if found else None
+
+
+def _nearest_first(given: str, names: Sequence[str]) -> list[str]:
+    """Return the names, those first that are most like what was given, in the sense of `nearest`."""
+    import difflib  # here, as in `nearest`
+
+    compared = difflib.SequenceMatcher(b=str(given).lower())
+
+    def likeness(name: str) -> float:
+        compared.set_seq1(name.lower())
+        return compared.ratio()
+
+    return sorted(names, key=likeness, reverse=True)
 
 
 def did_you_mean(given: str, known: Iterable[str]) -> str:

@@ -58,7 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _compare(options: argparse.Namespace) -> int:
     terms = Terms(
         allowances=parse_allowances(options.fail_on, source="--fail-on"),
-        kind=_known_rule(GivenText("--verdict", options.verdict)),
+        rule=_known_rule(GivenText("--verdict", options.verdict)),
         policy=parse_policy(GivenText("--on-mismatch", options.on_mismatch)),
         open_fails=_known_mode(GivenText("--inconclusive", options.inconclusive)) == "fail",
     )

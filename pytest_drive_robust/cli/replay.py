@@ -168,7 +168,8 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
     spec = options.routes or (ALL_ROUTES if own_routes(simulator) is None else name)
     routes = {route.id: route for route in routes_of(spec, simulator)}
     if name not in routes:
-        raise UnknownNameError.of("route", name, routes, hint="Name its file with --routes.")
+        listed_by = "" if own_routes(simulator) is not None else f"drive-robust routes list {spec}"
+        raise UnknownNameError.of("route", name, routes, hint="Name its file with --routes.", listed_by=listed_by)
     check_route(simulator, routes[name])
     return routes[name]
 

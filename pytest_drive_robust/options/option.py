@@ -36,7 +36,7 @@ class OptionSource(Protocol):
         """Return the value of a command line option."""
 
     def getini(self, name: str) -> Any:
-        """Return the value of an ini key."""
+        """Return the value of an ini key, from `-o` if that gives one."""
 
 
 class GivenText(NamedTuple):
@@ -102,26 +102,18 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 
 
 def _text(option: Option, source: OptionSource) -> str:
-    """Return the command line's value, by the flag or by `-o`, else the ini file's, else `""`.
+    """Return the command line's value, else that of `-o`, else the ini file's, else `""`.
 
-    Raises `UsageError` for a blank value on the command line, for example from an unset variable of CI: the run would
-    judge another agent or compare nothing.
+    A blank value in the ini file or in `-o` means the default, as for keys of pytest. Raises `UsageError` for a blank
+    value of the flag, for example from an unset variable of CI: the run would judge another agent or compare nothing.
     """
-    value, given = source.getoption(option.name), option.flag
+    value = source.getoption(option.name)
     if option.is_switch:
         return "on" if value else ""
-    if value is None:
-        value, given = _overriding(option, source), f"-o {option.name}"
     if value is not None and not str(value).strip():
         usual = f", else {option.default!r}" if option.default else ""
         raise UsageError(
-            f"{given} is empty, expected {option.metavar}: {option.help}. Leave it out to use the "
-            f"value of the ini file{usual}."
+            f"{option.flag} is empty, expected {option.metavar}: {option.help}. Leave it out to use the value of the "
+            f"ini file{usual}; '-o {option.name}=' sets the ini file aside."
         )
     return str(source.getini(option.name) if value is None else value).strip()
-
-
-def _overriding(option: Option, source: OptionSource) -> str | None:
-    """Return the value that the last `-o KEY=VALUE` gives for the ini key of an option, or None without one."""
-    pairs = [override.partition("=") for override in source.getoption("override_ini") or ()]
-    return next((value for key, _, value in reversed(pairs) if key.strip() == option.name), None)

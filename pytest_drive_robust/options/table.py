@@ -185,7 +185,12 @@ _REGRESSION = (
         "other routes and simulators, warn about the rest",
     ),
     Option("--drive-baselines", "FOLDER", "", "keep blessed baselines in FOLDER (default: suites/baselines)"),
-    Option("--drive-waivers", "FILE", "", "read waivers from FILE (default: suites/waivers.toml where it exists)"),
+    Option(
+        "--drive-waivers",
+        "FILE",
+        "",
+        "read waivers from FILE (default: suites/waivers.toml where it exists); none: waive nothing",
+    ),
 )
 
 OPTIONS = {option.flag: option for option in (*_SESSION, *_RUN, *_EXECUTION, *_REGRESSION)}

@@ -26,6 +26,7 @@ from pytest_drive_robust.plugin.process_roles import is_controller, is_worker, w
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
 from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs
+from pytest_drive_robust.plugin.stopped_tests import StoppedTestsPlugin
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.plugin.waivers import WaivingPlugin
 from pytest_drive_robust.registry.plugins import plugin_words
@@ -49,6 +50,7 @@ def activate(config: pytest.Config) -> None:
     regression = RegressionOptions.from_pytest_config(config)
     waivers = Waivers.of(regression.waivers)
     config.pluginmanager.register(WaivingPlugin(waivers), "drive_robust_waiving")
+    config.pluginmanager.register(StoppedTestsPlugin(), "drive_robust_stopping")
     config.pluginmanager.register(InterruptPlugin(), "drive_robust_interrupt")
     if options.plan:
         from pytest_drive_robust.plugin.plan_option import check_plan_alone

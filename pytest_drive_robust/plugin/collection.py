@@ -7,16 +7,16 @@ from dataclasses import replace
 from functools import partial
 
 import pytest
-from _pytest.skipping import evaluate_skip_marks
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.plugin.drive_marker import marker_options, named_by_all
 from pytest_drive_robust.plugin.environment import keep_environment
 from pytest_drive_robust.plugin.fixtures import DRIVE_CONTEXT, uses_drive
 from pytest_drive_robust.plugin.judging import DriveContext
-from pytest_drive_robust.plugin.markers import marker_options, named_by_all
 from pytest_drive_robust.plugin.process_roles import is_worker, worker_output
 from pytest_drive_robust.plugin.regression_checks import RegressionChecks
 from pytest_drive_robust.plugin.requirement_place import requirements_of
+from pytest_drive_robust.plugin.skip_marks import is_skipped
 from pytest_drive_robust.plugin.usage_errors import note_problem, problems_of
 from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, VerdictPlan
@@ -57,7 +57,8 @@ class CollectionPlugin:
         context = _with_all_plugins(config)
         if not context.options.is_external:  # the official evaluator starts its agents itself
             keep_environment(config)
-        driving = [item for item in session.items if uses_drive(item) and not _is_skipped(item)]
+        # the agent of a test that is not run may be missing on this machine
+        driving = [item for item in session.items if uses_drive(item) and not is_skipped(item)]
         note_problem(config, "", lambda: context.scopes.check(named_by_all(driving)))
         for item in driving:
             note_problem(config, item.nodeid, partial(self._add, context, item))
@@ -111,14 +112,6 @@ class CollectionPlugin:
         self.requests.update(scope.plan(wanted))
         self.verdict_plans += [scope.verdict_plan(requirement, verdict_rule) for requirement in wanted]
         self._judged_by_evidence += by_evidence(wanted, verdict_rule)
-
-
-def _is_skipped(item: pytest.Item) -> bool:
-    """Return True for a test that its marks skip: the agent of a skipped test may be missing on this machine."""
-    try:
-        return item.config.pluginmanager.hasplugin("skipping") and evaluate_skip_marks(item) is not None
-    except (Exception, pytest.fail.Exception):  # a condition that cannot be evaluated: pytest says so in the test
-        return False
 
 
 def _with_all_plugins(config: pytest.Config) -> DriveContext:

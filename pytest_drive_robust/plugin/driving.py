@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from _pytest.skipping import evaluate_xfail_marks
 
 from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
+from pytest_drive_robust.plugin.skip_marks import may_fail_by
 from pytest_drive_robust.plugin.verdict_errors import (
     NOT_JUDGED_ERROR,
     RAISED,
@@ -80,7 +80,7 @@ class DrivingPlugin:
                 report.longrepr = _shown(item, error)
         elif is_open(report) and _passed_unexpectedly(report):
             report.outcome, report.longrepr = "passed", None
-            vars(report)[MAY_FAIL] = _expects_broken_requirement(item)
+            vars(report)[MAY_FAIL] = _may_break_a_requirement(item)
         if report.failed and _broke(item, report, error):
             vars(report)[BROKE] = True  # a plain attribute, as below
         if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
@@ -122,7 +122,7 @@ def _first_line(error: BaseException) -> str:
 
 def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException | None:
     """Return the error that a test raised; `unittest.expectedFailure` replaces ours, which is then read from `item`."""
-    if getattr(getattr(item, "obj", None), "__unittest_expecting_failure__", False) and call.when == "call":
+    if _is_expected_by_unittest(item) and call.when == "call":
         return item.stash.get(NOT_JUDGED_ERROR, None)
     return call.excinfo.value if call.excinfo is not None else None
 
@@ -145,11 +145,14 @@ def _passed_unexpectedly(report: pytest.TestReport) -> bool:
     return report.failed and str(report.longrepr).startswith(_EXPECTED_TO_FAIL)
 
 
-def _expects_broken_requirement(item: pytest.Item) -> bool:
-    """Return whether a test that is expected to fail may do so by a broken requirement: xfail may name exceptions."""
-    marked = evaluate_xfail_marks(item)
-    raises = None if marked is None else marked.raises
-    return raises is None or (isinstance(raises, (type, tuple)) and issubclass(BrokenRequirementError, raises))
+def _is_expected_by_unittest(item: pytest.Item) -> bool:
+    return bool(getattr(getattr(item, "obj", None), "__unittest_expecting_failure__", False))
+
+
+def _may_break_a_requirement(item: pytest.Item) -> bool:
+    """Return whether a test that is expected to fail may do so by a broken requirement."""
+    verdict: Any = None  # there is none: what counts is the class of the error
+    return _is_expected_by_unittest(item) or may_fail_by(item, BrokenRequirementError("a broken requirement", verdict))
 
 
 def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> bool:

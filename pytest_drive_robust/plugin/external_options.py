@@ -40,7 +40,7 @@ def external_options(config: pytest.Config, options: RunOptions, execution: Exec
         if options.simulator == BENCH2DRIVE and not asked_for("--drive-results", config):
             raise UsageError("--drive-results judges what was driven before: leave --drive-sim bench2drive out.")
         _refuse_unheeded(config, _unheeded_by_results(config, options, execution), why=_READS_RESULTS)
-        agent = config.getoption("drive_agent") or config.getini("drive_agent") or RESULTS
+        agent = options.agent if options.agent_given else RESULTS
         results = _read_results(config, options, execution)
         seeds = options.seeds if options.seeds_given else results.repetitions
         return replace(options, agent=agent, simulator=RESULTS, seeds=seeds)

@@ -14,15 +14,15 @@ from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import BudgetSpentError, ComparisonError, UsageError
+from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.metrics.episodes import require_scorable
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
+from pytest_drive_robust.plugin.drive_marker import marker_options
 from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
-from pytest_drive_robust.plugin.markers import marker_options
 from pytest_drive_robust.plugin.shown_verdicts import ShownVerdicts
 from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, RAISED, NotJudgedError
 from pytest_drive_robust.regression.waivers import Waivers
@@ -37,8 +37,6 @@ from pytest_drive_robust.verdict.touched import require_touched
 
 ONE_AT_A_TIME = threading.RLock()
 """The lock for asking the campaign: a test may ask from several threads, the campaign answers one at a time."""
-_UNJUDGED = (BudgetSpentError, ComparisonError, UsageError)
-"""Errors that leave a requirement without a number to judge; they become `NotJudgedError`."""
 
 
 class Drive:
@@ -57,12 +55,17 @@ class Drive:
         self._verdict_rule = replace(marker.verdict_rule(context.options.verdict_rule), family=context.family)
         self._reading = marker.asked_reading(context.options.asked_reading)
         self._verdicts = ShownVerdicts(item, context.options, context.waivers, self._scope.routes_spec, self._reach)
-        self._was_asked = False
+        self._calls = 0
+
+    @property
+    def calls(self) -> int:
+        """How often the test has asked for a verdict, a number or episodes."""
+        return self._calls
 
     @property
     def was_asked(self) -> bool:
         """True once the test asked for a verdict, a number or an episode."""
-        return self._was_asked
+        return self._calls > 0
 
     @property
     def agent(self) -> str:
@@ -217,11 +220,11 @@ class Drive:
     @contextmanager
     def _errors_of(self, what: object) -> Iterator[None]:
         __tracebackhide__ = True
-        self._was_asked = True
+        self._calls += 1
         try:
             with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield
-        except _UNJUDGED as error:
+        except DriveRobustError as error:  # whichever: there is no number to judge
             self._item.user_properties.append(("drive_verdict", "error"))
             told = NotJudgedError(what, error)
             self._item.stash[NOT_JUDGED_ERROR] = told
@@ -240,7 +243,7 @@ class Drive:
                     limit=requirement.limit,
                     comparison=requirement.comparison,
                 )
-        except _UNJUDGED as error:  # the verdict does not depend on this search
+        except DriveRobustError as error:  # the verdict does not depend on this search
             return f"\n  the largest severity that holds is not known: {error}"
         return f"\n  {found}"
 

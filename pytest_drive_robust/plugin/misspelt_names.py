@@ -34,7 +34,7 @@ def refuse_unknown_keys(config: pytest.Config) -> None:
     ours = {option.name: option for option in OPTIONS.values()}
     keys = [name for name, option in ours.items() if not option.is_switch]
     for key in _given_keys(config):
-        if key in keys or not key.startswith(("drive_", "drive-")) or _is_registered(key, config):
+        if key in keys or not key.strip().startswith(("drive_", "drive-")) or _is_registered(key, config):
             continue
         meant = ours.get(nearest(key, ours) or "")
         if meant is not None and meant.is_switch:
@@ -42,7 +42,7 @@ def refuse_unknown_keys(config: pytest.Config) -> None:
                 f"there is no ini key named {key!r}: {meant.flag} is for the command line only. Give it there, or "
                 "in addopts."
             )
-        raise UnknownNameError.of("ini key", key, keys)
+        raise UnknownNameError.of("ini key", key, keys, hint="`pytest --help` tells what each does.")
 
 
 def refuse_unknown_marks(item: pytest.Item) -> None:
@@ -74,7 +74,7 @@ def _given_keys(config: pytest.Config) -> Iterable[str]:
     in_file = getattr(config, "_inicfg", None)
     yield from getattr(config, "inicfg", ()) if in_file is None else in_file
     for override in config.getoption("override_ini") or ():
-        yield override.partition("=")[0].strip()
+        yield override.partition("=")[0]  # with its spaces, which make it another key for pytest
 
 
 def _is_registered(key: str, config: pytest.Config) -> bool:

@@ -12,6 +12,7 @@ from pytest_drive_robust.plugin.collection import DESELECTED
 from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import BROKEN_TESTS, MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
+from pytest_drive_robust.plugin.stopped_tests import STOPPED
 from pytest_drive_robust.plugin.terminal import is_terminal
 from pytest_drive_robust.plugin.usage_errors import problems_of
 from pytest_drive_robust.plugin.verdict_errors import UNHEEDED, is_open
@@ -23,6 +24,7 @@ from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
 _BROKE = "{} broke{}: what it had not judged by then is not in this report"
+_STOPPED = "{} stopped at call {} of drive{}: what stands after that was not judged and is not in this report"
 _MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("ignore", "ignore_glob", "lf")  # these leave out whole files, without a call of `pytest_deselected`
@@ -42,6 +44,7 @@ class ReportingPlugin:
         self._deselected = False
         self._ended: set[str] = set()
         self._broken_tests: dict[str, None] = {}
+        self._stopped_tests: dict[str, int] = {}
         self._may_fail: set[str] = set()
         self._unheeded: list[str] = []
 
@@ -76,13 +79,15 @@ class ReportingPlugin:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note a test that passed although `drive` raised in it: a thread or an `except` swallowed the error.
 
-        Notes as well a test that broke before it had asked `drive` for everything, and a test that was expected to
-        fail and whose verdict is still inconclusive.
+        Notes as well a test that broke before it had asked `drive` for everything, one that its own verdict stopped,
+        and a test that was expected to fail and whose verdict is still inconclusive.
         """
         if getattr(report, MAY_FAIL, False):
             self._may_fail.add(report.nodeid)
         if report.failed and getattr(report, BROKE, False):
             self._broken_tests[report.nodeid] = None
+        elif hasattr(report, STOPPED) and report.outcome in ("failed", "skipped"):  # "rerun" is not the last attempt
+            self._stopped_tests[report.nodeid] = getattr(report, STOPPED)
         told = [value for name, value in report.user_properties if name == UNHEEDED]
         self._unheeded += [f"{report.nodeid} passed although drive raised in it: {line}" for line in told]
 
@@ -115,14 +120,21 @@ class ReportingPlugin:
             if self._broken_tests:
                 first, *others = self._broken_tests
                 self._outputs.note(_BROKE.format(first, f", and {len(others)} more" if others else ""))
+            if self._stopped_tests:
+                (first, calls), *more = self._stopped_tests.items()
+                self._outputs.note(_STOPPED.format(first, calls, f", and so did {len(more)} more" if more else ""))
             for sentence in self._unheeded[:_MOST_UNHEEDED]:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:
                 self._outputs.note(f"warning: and so did {len(self._unheeded) - _MOST_UNHEEDED} more tests")
             partial = bool(early or self._broken_tests)
-            whole = not (self._deselected or partial) and every_test_ran(session)
+            whole = not (self._deselected or partial or self._stopped_tests) and every_test_ran(session)
             problem = self._outputs.finish(
-                whole=whole, ended_early=partial, may_fail=self._may_fail, advice=self._advice(session)
+                whole=whole,
+                ended_early=partial,
+                stopped=tuple(self._stopped_tests),
+                may_fail=self._may_fail,
+                advice=self._advice(session),
             )
             if problem and session.exitstatus == pytest.ExitCode.OK:
                 session.exitstatus = pytest.ExitCode.TESTS_FAILED

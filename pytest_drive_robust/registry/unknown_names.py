@@ -25,7 +25,7 @@ def unknown_name(kind: str, name: str, known: Mapping[str, Sequence[Entry]]) -> 
     syntaxes = [f"{entry}:{argument}" if known[entry][0].argument and argument else entry for entry in known]
     misplaced = [str(problem) for problem in unknown_groups()]
     hint = " ".join([_module_here(kind, name) or _HINTS[kind], *misplaced])
-    return UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint)
+    return UnknownNameError.of(kind.removesuffix("s"), name, syntaxes, hint=hint, listed_by=f"drive-robust list {kind}")
 
 
 def unknown_agent_with_options(name: str, known: Mapping[str, Sequence[Entry]]) -> UnknownNameError:
@@ -33,7 +33,8 @@ def unknown_agent_with_options(name: str, known: Mapping[str, Sequence[Entry]]) 
     bare, _, argument = name.partition(":")
     factory, _, options = argument.partition(":")
     own = f"Options need a registered name: register {bare}:{factory} under a NAME of yours, then give NAME:{options}."
-    return UnknownNameError.of("agent", bare, known, hint=own if options else _HINTS["agents"])
+    hint = own if options else _HINTS["agents"]
+    return UnknownNameError.of("agent", bare, known, hint=hint, listed_by="drive-robust list agents")
 
 
 def declared_twice(entries: Sequence[Entry]) -> PluginError:

@@ -12,7 +12,7 @@ from pytest_drive_robust.regression.comparison_result import CellComparison, Com
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.shared_routes import Pair, Shared, other_content, pairs_of
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
-from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, kind_for
+from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, rule_for
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 
 
@@ -96,7 +96,7 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
         changed=sum(was.ds != now.ds or was.sr != now.sr for was, now in pairs),
         quartets=() if old.broken or new.broken else quartets,
         findings=tuple(
-            _finding(new, allowance, terms.kind, pairs, clean_pairs, quartets) for allowance in terms.allowances
+            _finding(new, allowance, terms.rule, pairs, clean_pairs, quartets) for allowance in terms.allowances
         ),
         flips=_flips(pairs),
         same_seeds=_same_seeds(pairs),
@@ -132,7 +132,7 @@ def _clean_pairs(
 def _finding(
     new: Cell,
     allowance: Allowance,
-    kind: str,
+    asked: str,
     pairs: Sequence[Pair],
     clean_pairs: Sequence[tuple[Pair, Pair]],
     quartets: Sequence[Quartet],
@@ -141,17 +141,17 @@ def _finding(
     if new.broken:
         return Finding(allowance, "error", problem=_not_scored(new))
     if allowance.metric == "RD":
-        return _rise(new, allowance, kind, clean_pairs, quartets)
+        return _rise(new, allowance, asked, clean_pairs, quartets)
     scores = [(was.ds, now.ds) if allowance.metric == "DS" else (was.sr, now.sr) for was, now in pairs]
     changed = sum(was != now for was, now in scores)
-    rule = kind_for(kind, len(scores), same_seeds=_same_seeds(pairs), changed=changed)
-    return Finding(allowance, judge_drop(scores, allowance, kind=rule), rule, len(scores), changed)
+    rule = rule_for(asked, len(scores), same_seeds=_same_seeds(pairs), changed=changed)
+    return Finding(allowance, judge_drop(scores, allowance, rule=rule), rule, len(scores), changed)
 
 
 def _rise(
     new: Cell,
     allowance: Allowance,
-    kind: str,
+    asked: str,
     clean_pairs: Sequence[tuple[Pair, Pair]],
     quartets: Sequence[Quartet],
 ) -> Finding:
@@ -161,8 +161,8 @@ def _rise(
         return Finding(allowance, "error", problem="RD needs clean episodes of the same routes in both runs")
     changed = sum(item.clean_before != item.clean_after or item.before != item.after for item in quartets)
     same_seeds = _same_seeds(pair for both in clean_pairs for pair in both)
-    rule = kind_for(kind, len(quartets), same_seeds=same_seeds, changed=changed)
-    return Finding(allowance, judge_rise(quartets, allowance, kind=rule), rule, len(quartets), changed)
+    rule = rule_for(asked, len(quartets), same_seeds=same_seeds, changed=changed)
+    return Finding(allowance, judge_rise(quartets, allowance, rule=rule), rule, len(quartets), changed)
 
 
 def _clean_sentence(setting: str) -> str:

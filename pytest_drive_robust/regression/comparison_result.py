@@ -16,12 +16,12 @@ _WORST_FIRST = ("error", "fail", "inconclusive", "pass")
 class Terms:
     """The terms of a comparison: the allowances, the rule that judges them, and the policy for mismatches.
 
-    `kind` is the rule `"evidence"`, `"list"`, `"point"`, or `"auto"`, which chooses by the routes and seeds that both
-    runs hold. With `open_fails` an inconclusive verdict on changed scores counts as a regression.
+    `rule` is `"evidence"`, `"list"`, `"point"`, or `"auto"`, which chooses by the routes and seeds that both runs hold.
+    With `open_fails` an inconclusive verdict on changed scores counts as a regression.
     """
 
     allowances: tuple[Allowance, ...] = DEFAULT_ALLOWANCES
-    kind: str = "auto"
+    rule: str = "auto"
     policy: MismatchPolicy = "default"
     open_fails: bool = False
 

@@ -104,8 +104,9 @@ def _snapshot(document: Mapping[str, Any], label: str) -> Snapshot:
     cells = {key: _cell(key, rows.get(key, []), routes, digests, prints[key[0]]) for key, routes in found.items()}
     stored = document.get("stored") or {}  # a plain --drive-json file does not say
     date, commit = str(stored.get("date") or ""), str(stored.get("commit") or "")
-    # older runs have no `ended_early`
-    return Snapshot(label, cells, date=date, commit=commit, ended_early=document.get("ended_early") is True)
+    # older runs have neither `ended_early` nor `stopped_tests`
+    ended_early, stopped_tests = document.get("ended_early") is True, tuple(document.get("stopped_tests", ()))
+    return Snapshot(label, cells, date=date, commit=commit, ended_early=ended_early, stopped_tests=stopped_tests)
 
 
 def _cell(

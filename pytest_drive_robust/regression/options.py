@@ -56,7 +56,9 @@ def _baselines(given: GivenText) -> Path:
 
 
 def _waivers(given: GivenText) -> Path | None:
-    """Return the given file, which must exist, else `suites/waivers.toml` if it exists, else None."""
+    """Return the given file, which must exist, else `suites/waivers.toml` if there is one; None for `"none"`."""
+    if given.text == "none":
+        return None
     if given.text:
         path = start_folder(given) / given.text
         if not path.is_file():

@@ -15,7 +15,7 @@ from statistics import fmean, stdev
 from typing import Any
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.errors import UnknownNameError, UsageError, first_few
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.regression.snapshot import Cell, Snapshot
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
@@ -44,7 +44,8 @@ def propose_limits(
 
     Leaves out limits that could not be broken (an RD of 1, a DS of 0) and an RD whose clean driving score is below the
     floor. Raises `UsageError` when no limit is left, when `agent` is not in the run, and when the run ended early, has
-    episodes without a score, or has verdicts that were reached without some of the routes.
+    a test that a verdict stopped or episodes without a score, or has verdicts that were reached without some of the
+    routes.
     """
     driven = run.of_agent(agent)
     if not driven.cells:
@@ -80,6 +81,12 @@ def _require_whole(run: Snapshot) -> None:
     if run.lacks:
         raise UsageError(
             f"the run {run.label!r} is incomplete: {run.lacks}. Such a run gives no limits: run its command again."
+        )
+    if run.stopped_tests:
+        raise UsageError(
+            f"the run {run.label!r} is incomplete: a verdict stopped {first_few(run.stopped_tests, 1)}, so what stands "
+            "after that may be missing. Such a run gives no limits: give each requirement a test or a subtest of its "
+            "own, and run its command again."
         )
     if run.left_out:
         raise UsageError(

@@ -106,7 +106,7 @@ class StoredRuns:
             name = names[-1]
         if name not in names:
             hint = f"Store one with --drive-save=NAME. Looked in {str(self.path)!r}."
-            raise UnknownNameError.of("stored run", name, names, hint=hint)
+            raise UnknownNameError.of("stored run", name, names, hint=hint, listed_by="drive-robust runs list")
         return self.path / f"{name}.json"
 
     def _free(self, name: str) -> str:

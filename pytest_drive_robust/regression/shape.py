@@ -24,11 +24,10 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
 
     `'episodes[3].driving_score must be number or null, not "high"'`
     """
-    from fastjsonschema import JsonSchemaValueException
-
+    check, misfit_error = _check_of(schema, may_lack)
     try:
-        _check_of(schema, may_lack)(document)
-    except JsonSchemaValueException as error:
+        check(document)
+    except misfit_error as error:
         name = str(error.name)
         place = name.removeprefix(_WHOLE).removeprefix(".") or "the document"
         if error.rule == "required":
@@ -38,7 +37,8 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
 
 
 @functools.cache
-def _check_of(name: str, may_lack: MayLack) -> Callable[[object], object]:
+def _check_of(name: str, may_lack: MayLack) -> tuple[Callable[[object], object], Any]:
+    """Return what checks a document, and the error that it raises: a nested session imports that library anew."""
     import fastjsonschema
 
     schema: dict[str, Any] = json.loads((_FOLDER / f"{name}.schema.json").read_text(encoding="utf-8"))
@@ -46,7 +46,7 @@ def _check_of(name: str, may_lack: MayLack) -> Callable[[object], object]:
         part = schema["$defs"][rule] if rule else schema
         part["required"] = [key for key in part["required"] if key not in keys]
     check: Callable[[object], object] = fastjsonschema.compile(schema)
-    return check
+    return check, fastjsonschema.JsonSchemaValueException
 
 
 def _shown(value: object) -> str:

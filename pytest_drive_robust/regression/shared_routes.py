@@ -17,14 +17,16 @@ CellPair = tuple[Cell, Cell]
 _MOST_ROUTES = 5
 """How many routes a sentence names."""
 _CUT_OFF = "not all tests of the run came to their verdicts"
+_STOPPED = "a verdict stopped {}, which may have asked for it after that"
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
     """The settings that two runs share; `compared` are the settings with common routes.
 
-    `unscored` are the settings of which the new run needed episodes and scored none, or which the new run lacks because
-    it ended early. `lacking` has one sentence for each setting that cannot be compared.
+    `unscored` are the settings of which the new run needed episodes and scored none, or which the new run lacks and may
+    have driven if it had not ended early, or if its own verdict had not stopped a test. `lacking` has one sentence for
+    each setting that cannot be compared.
     """
 
     compared: tuple[CellPair, ...]
@@ -48,9 +50,9 @@ class Shared:
         known = [old for old, _ in both]
         only_before = [old for old in before.cells.values() if old not in known]
         only_after = [new for old, new in matched if old is None]
-        if after.ended_early:
-            unscored += tuple(replace(old, routes={}, broken=(_CUT_OFF,)) for old in only_before)
-            only_before = []
+        left_out, why = _left_out(only_before, after, {renamed.get(agent, agent) for agent in after.agents})
+        unscored += tuple(replace(old, routes={}, broken=(why,)) for old in left_out)
+        only_before = [old for old in only_before if old not in left_out]
         lacking = [
             *(f"not in {before.label}: {new.name}" for new in only_after),
             *(f"not in {before.label} on the same routes: {new.name}" for old, new in pairs if not pairs_of(old, new)),
@@ -77,6 +79,18 @@ def pairs_of(old: Cell, new: Cell) -> list[Pair]:
     types = [new.routes[route].scenario for route in common]
     order = planned_order(common, types, f"{new.agent} {new.setting}")
     return [(old.routes[route], new.routes[route]) for route in order]
+
+
+def _left_out(lacking: Sequence[Cell], after: Snapshot, driven: Collection[str]) -> tuple[Sequence[Cell], str]:
+    """Return those of the `lacking` cells that the new run may have left out, and why; `driven` are its agents.
+
+    A stopped test has driven its agent before it stopped, so it would not have gone on with another one.
+    """
+    if after.ended_early:
+        return lacking, _CUT_OFF
+    if not after.stopped_tests:
+        return (), ""
+    return [old for old in lacking if old.agent in driven], _STOPPED.format(first_few(after.stopped_tests, 1))
 
 
 def renamed_agents(before: Sequence[str], after: Sequence[str]) -> Mapping[str, str]:

@@ -91,6 +91,7 @@ class Snapshot:
     """The scores of a run, or of baselines. `label` is its name for people; `date` and `commit` are empty if unknown.
 
     `ended_early` is True when the run ended before all its tests, or some tests broke, so that settings may be missing.
+    `stopped_tests` are tests that their own verdict stopped: settings that they state after it are missing, too.
     """
 
     label: str
@@ -98,6 +99,7 @@ class Snapshot:
     date: str = ""
     commit: str = ""
     ended_early: bool = False
+    stopped_tests: tuple[str, ...] = ()
 
     @property
     def made(self) -> str:

@@ -102,32 +102,32 @@ MARGIN = 0.10
 """The margin: how far beyond the allowance a pass may lie, as a share of the metric's range."""
 
 
-def kind_for(kind: str, routes: int, *, same_seeds: bool, changed: int) -> str:
-    """Return the rule for `routes` common routes; `"auto"` is `"evidence"` from 20 routes on, else `"list"`.
+def rule_for(asked: str, routes: int, *, same_seeds: bool, changed: int) -> str:
+    """Return the rule for `routes` common routes: `asked`; for `"auto"`, `"evidence"` from 20 routes on, else `"list"`.
 
     A run chooses alike. Two exceptions of `"auto"`: with other seeds the rule is `"evidence"` for any number of routes,
     because other seeds are another list; with equal seeds and no changed score the rule is `"list"`, because a missing
     change needs no evidence.
     """
-    if kind == "auto" and not same_seeds:
+    if asked == "auto" and not same_seeds:
         return "evidence"
-    if kind == "auto" and not changed:
+    if asked == "auto" and not changed:
         return "list"
-    return VerdictRule(kind).for_routes(routes).kind
+    return VerdictRule(asked).for_routes(routes).kind
 
 
-def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, kind: str = "evidence") -> Decision:
+def judge_drop(pairs: Sequence[tuple[float, float]], allowance: Allowance, *, rule: str = "evidence") -> Decision:
     """Judge whether DS or SR dropped by more than allowed. `pairs` are (before, after) of each route in planned order.
 
     `"fail"`: the drop is larger than the allowance; `"pass"`: the drop is not larger than the allowance plus the
     margin. By evidence, each is wrong at most 1 time in 20 on routes like these. Raises `ComparisonError` for no pair.
     """
-    kind = "point" if kind == "list" else kind  # the whole list is known: do not stop early
+    rule = "point" if rule == "list" else rule  # the whole list is known: do not stop early
     scores = ((after, before) if allowance.relative else (after - before, 0.0) for before, after in pairs)
-    return read_until_decided(judge_by(kind, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
+    return read_until_decided(judge_by(rule, _forms(allowance), planned=len(pairs), alpha=_ALPHA), scores)[0]
 
 
-def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str = "evidence") -> Decision:
+def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, rule: str = "evidence") -> Decision:
     """Judge whether RD rose by more than allowed. By evidence, fewer than 20 routes are inconclusive.
 
     If a mean clean driving score is below the floor (`VerdictRule.clean_floor`), RD shows nothing: a pass becomes
@@ -139,13 +139,13 @@ def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str = "
     score of 0 before, full scores now and usual clean scores. An opposite change of a route's clean score at the same
     time is not considered.
     """
-    decision = _decide_rise(routes, allowance, kind=kind)
+    decision = _decide_rise(routes, allowance, rule=rule)
     floor = VerdictRule().clean_floor
     unsure = min(fmean(route.clean_before for route in routes), fmean(route.clean_after for route in routes)) < floor
     return "inconclusive" if unsure and decision == "pass" else decision
 
 
-def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) -> Decision:
+def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, rule: str) -> Decision:
     """Judge as `judge_rise` does, without its floor."""
     clean_before, clean_after = (fmean(route.clean_before for route in routes), fmean(r.clean_after for r in routes))
     if clean_before <= 0.0 or clean_after <= 0.0:
@@ -153,7 +153,7 @@ def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, kind: str) 
     kept_before = fmean(route.before for route in routes) / clean_before
     kept_after = fmean(route.after for route in routes) / clean_after
     room = allowance.amount - (kept_before - kept_after)
-    if kind != "evidence":
+    if rule != "evidence":
         return "pass" if room >= -1e-9 else "fail"
     if len(routes) < FEWEST_FOR_T:
         return "inconclusive"

@@ -105,6 +105,9 @@ def _summaries(verdict: Verdict) -> list[str]:
         "  DS    " + "".join(f"{shown('DS', summary.ds):>12}" for _, summary in columns),
         "  SR    " + "".join(f"{shown('SR', summary.sr):>12}" for _, summary in columns),
     ]
+    if verdict.routes < verdict.planned:  # the table's row has the routes of all verdicts on that setting
+        read = counted(verdict.routes, "route")
+        lines.append(f"  DS and SR of the {read} that this verdict read; the run's table has those of all its verdicts")
     errors = verdict.perturbed.agent_errors
     if errors:
         lines.append(f"  {counted(errors, 'episode')} of {verdict.perturbed.episodes} ended with an agent error")

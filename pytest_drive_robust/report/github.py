@@ -65,6 +65,8 @@ def _headline(run: RunResult) -> str:
     parts += [f"{inconclusive} inconclusive"] if inconclusive else []
     if run.ended_early:
         parts.append("but not all tests came to their verdicts")
+    elif run.stopped_tests:
+        parts.append(f"but {counted(len(run.stopped_tests), 'test')} stopped before the end")
     elif any(len(row.results) < row.needed for row in run.rows):
         parts.append("but not all episodes were driven")
     reading = run.options.reading

@@ -39,6 +39,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "episodes": [episode_as_json(key, result) for key, result in run.episodes.items()],
         "notes": [*mixed_machines(run), *run.notes],
         "ended_early": run.ended_early,
+        "stopped_tests": run.stopped_tests,
     }
     return {key: _finite(value) for key, value in document.items()}
 
@@ -50,7 +51,7 @@ def comparison_as_json(comparison: Comparison) -> dict[str, object]:
         "label": comparison.before.label,
         "terms": {
             "fail_on": list(map(str, terms.allowances)),
-            "verdict": terms.kind,
+            "verdict": terms.rule,
             "on_mismatch": terms.policy,
             "inconclusive": "fail" if terms.open_fails else "warn",
         },

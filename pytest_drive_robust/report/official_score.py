@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from pytest_drive_robust.bench2drive.results.official_totals import AbilityRate, OfficialTotals
-from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable
 from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.report.numbers import counted
 
@@ -28,7 +28,7 @@ def _rate_json(rate: AbilityRate) -> dict[str, float | int | None]:
 def score_text(score: OfficialTotals, notes: tuple[str, ...], *, source: str) -> str:
     """Return the totals with their footnote numbers, the statuses, the missing routes, and the footnotes."""
     records = f"{counted(score.records, 'record')} of {counted(score.routes, 'route')}"
-    lines = [f"{shown(source, quotes=False)}: {records}, {score.mode} metrics", ""]
+    lines = [f"{printable(source, quotes=False)}: {records}, {score.mode} metrics", ""]
     for name, value, unit in (
         ("DS", score.ds, ""),
         ("SR", score.sr, ""),
@@ -63,7 +63,7 @@ def _gaps(score: OfficialTotals) -> list[str]:
     elif score.missing_count:
         lines.append(f"{score.missing_count:>5}  missing (--routes FILE.xml tells which)")
     if score.duplicates:
-        ids = [shown(route_id, quotes=False) for route_id in score.duplicates]
+        ids = [printable(route_id, quotes=False) for route_id in score.duplicates]
         lines.append(f"{len(ids):>5}  there more than once: {first_few(ids, _MOST_IDS)}")
     return lines
 

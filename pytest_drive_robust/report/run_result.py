@@ -88,6 +88,8 @@ class RunResult:
     `late` are the verdicts of `judged` that were inconclusive in their test and became fails when all p-values were
     known, without those that are waived or of a test that was expected to fail. `ended_early` is True when tests were
     left at the end of the run, or broke before their verdict; the result lacks the requirements of those tests.
+    `stopped_tests` are the tests that their own verdict stopped with statements left: what those may have asked is
+    lacking, too.
     """
 
     options: RunOptions
@@ -101,6 +103,7 @@ class RunResult:
     late: tuple[Judged, ...] = ()
     driven: int = 0
     ended_early: bool = False
+    stopped_tests: tuple[str, ...] = ()
 
     @classmethod
     def of(

@@ -116,7 +116,8 @@ def footnotes(run: RunResult) -> list[str]:
     if any(row.is_partial for row in run.rows):
         confidence = 1.0 - 2.0 * run.options.verdict_rule.alpha
         lines.append(
-            "'n/m' routes: the verdicts were clear after n of m routes; in brackets what DS and RD may be on routes "
+            "'n/m' routes: the verdicts were clear after n of m routes, and the row has all n that any of them read (a "
+            "failing test only its own, with the interval of its rule); in brackets what DS and RD may be on routes "
             f"like these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. "
             "All routes, with efficiency and comfort: --drive-verdict=point"
         )

@@ -94,11 +94,11 @@ class Campaign:
         over all routes.
         """
         self.observer(Planned(tuple(requests)))
-        verdict_plans = [replace(plan, kind="point") for plan in verdict_plans] if self._whole else verdict_plans
+        verdict_plans = [replace(plan, rule="point") for plan in verdict_plans] if self._whole else verdict_plans
         for plan in verdict_plans:
             self.observer(verdict_planned(plan))
         if shared:
-            verdict_plans = [plan for plan in verdict_plans if plan.kind == "point"]
+            verdict_plans = [plan for plan in verdict_plans if plan.rule == "point"]
         else:
             self._first = first_of_each_agent(verdict_plans)
         self.scheduler.plan(request for plan in verdict_plans for request in plan.likely)
@@ -116,7 +116,7 @@ class Campaign:
         Reads stored episodes as the verdict would.
         """
         planned = len(plan.routes)
-        if plan.kind == "point" or self._whole:
+        if plan.rule == "point" or self._whole:
             return planned, planned
         judge = plan.judge()
         for number, route in enumerate(plan.routes):
@@ -154,7 +154,7 @@ class Campaign:
         used = plan.need
         decision = planned = None
         with self._answering(scope, requirement.setting, plan.need) as begun:
-            if plan.kind == "point":
+            if plan.rule == "point":
                 self._ensure_all(plan.need, begun)
             else:
                 decision, count = self._read_routes(plan, begun)

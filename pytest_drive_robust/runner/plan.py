@@ -74,8 +74,8 @@ class Scope:
         """Return the plan of a verdict on `requirement` by `verdict_rule`; None compares the value over all routes."""
         need = self.need(requirement.setting, clean=requirement.needs_clean)
         verdict_rule = (verdict_rule or VerdictRule("point")).for_routes(len(self.routes))
-        kind = verdict_rule.kind if requirement.reads_routes(verdict_rule) else "point"
-        return VerdictPlan(requirement, self, need, routes_in_order(self, need), kind, verdict_rule)
+        rule = verdict_rule.kind if requirement.reads_routes(verdict_rule) else "point"
+        return VerdictPlan(requirement, self, need, routes_in_order(self, need), rule, verdict_rule)
 
     @property
     def named(self) -> dict[str, Any]:
@@ -113,27 +113,27 @@ class RouteRequests:
 
 @dataclass(frozen=True, slots=True)
 class VerdictPlan:
-    """The episodes that a verdict on `requirement` reads: `need`, in the order of `routes`, by a judge of `kind`."""
+    """The episodes that a verdict on `requirement` reads: `need`, in the order of `routes`, by the judge of `rule`."""
 
     requirement: Requirement
     scope: Scope
     need: RouteRequests
     routes: tuple[RouteRequests, ...]
-    kind: str
+    rule: str
     verdict_rule: VerdictRule
 
     def judge(self) -> Judge:
         """Return a new judge of this plan."""
-        rule = self.verdict_rule
-        forms = self.requirement.linear_forms(rule)
-        floor = rule.clean_floor if self.requirement.needs_clean else 0.0
+        given = self.verdict_rule
+        forms = self.requirement.linear_forms(given)
+        floor = given.clean_floor if self.requirement.needs_clean else 0.0
         planned = len(self.routes)
-        return judge_by(self.kind, forms, planned=planned, alpha=rule.alpha, fail_alpha=rule.fail_alpha, floor=floor)
+        return judge_by(self.rule, forms, planned=planned, alpha=given.alpha, fail_alpha=given.fail_alpha, floor=floor)
 
     @property
     def likely_routes(self) -> int:
         """The number of routes that the verdict probably reads, estimated before any route is read."""
-        if self.kind == "point":
+        if self.rule == "point":
             return len(self.routes)
         return likely_left(self.judge(), len(self.routes))
 

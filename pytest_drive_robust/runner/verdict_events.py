@@ -27,7 +27,7 @@ def verdict_planned(plan: VerdictPlan) -> VerdictPlanned:
         **plan.scope.named,
         requirement=str(plan.requirement),
         setting=str(setting),
-        rule=plan.kind,
+        rule=plan.rule,
         likely=plan.likely_routes,
         keys=keys_of(ordered.perturbed),
         clean=str(setting.baseline) if ordered.clean else "",

@@ -218,7 +218,7 @@ class ListJudge(Judge):
 
 
 def judge_by(
-    kind: str,
+    rule: str,
     forms: LinearForms,
     *,
     planned: int,
@@ -226,19 +226,19 @@ def judge_by(
     fail_alpha: float | None = None,
     floor: float = 0.0,
 ) -> Judge:
-    """Return the judge of the rule `kind` for `planned` routes; only the rule `"evidence"` reads `fail_alpha`.
+    """Return the judge of `rule` for `planned` routes; only the rule `"evidence"` reads `fail_alpha`.
 
     `floor` is the floor of the mean reference of relative forms, see `Judge`.
 
-    Raises `ValueError` for another `kind`.
+    Raises `ValueError` for another `rule`.
     """
-    if kind == "evidence":
+    if rule == "evidence":
         return EvidenceJudge(forms, alpha=alpha, fail_alpha=fail_alpha, floor=floor)
-    if kind == "list":
+    if rule == "list":
         return ListJudge(forms, planned=planned, alpha=alpha, floor=floor)
-    if kind == "point":
+    if rule == "point":
         return PointJudge(forms)
-    raise ValueError(f"there is no verdict named {kind!r}. Expected one of: {', '.join(_NAMES)}.")
+    raise ValueError(f"there is no verdict named {rule!r}. Expected one of: {', '.join(_NAMES)}.")
 
 
 def read_until_decided(judge: Judge, scores: Iterable[tuple[float, float] | None]) -> tuple[Decision, int]:

@@ -39,7 +39,7 @@ def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_fail
     old = clean_run(*(scored(name, before, agent="old", infractions=[hit] if before < now else []) for name in ids))
     new = clean_run(*(scored(name, now, agent="new") for name in ids))
     snapshots = [snapshot_of(run.document, label=run.label) for run in (old, new)]
-    comparison = compare(*snapshots, Terms(kind="list"))
+    comparison = compare(*snapshots, Terms(rule="list"))
     report = opened(write_pages(tmp_path, new, comparison=comparison, before=old).parent)
     page = report.go("#/compare")
     report.follow(page.locator("section", has=page.locator("h2", has_text="Newly")).locator("tbody th a").first)
@@ -51,9 +51,9 @@ def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_fail
 @pytest.mark.parametrize(
     ("driven", "terms", "head"),
     [
-        (44, Terms(kind="list"), "It got worse"),
-        (43, Terms(kind="list"), "Not compared"),
-        (44, Terms(kind="evidence", allowances=(Allowance("SR", 0.0),), open_fails=True), "Inconclusive"),
+        (44, Terms(rule="list"), "It got worse"),
+        (43, Terms(rule="list"), "Not compared"),
+        (44, Terms(rule="evidence", allowances=(Allowance("SR", 0.0),), open_fails=True), "Inconclusive"),
     ],
     ids=["worse", "refused", "open"],
 )

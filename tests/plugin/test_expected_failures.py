@@ -51,6 +51,29 @@ def test_a_simulator_that_breaks_is_an_error_where_a_failure_is_expected(suite, 
     result.stdout.fnmatch_lines("*the simulation raised RuntimeError: no map*")
 
 
+@pytest.mark.parametrize("kind", ["SimulationError", "DriveRobustError", "ValueError"])
+def test_a_metric_that_breaks_is_an_error_where_a_failure_is_expected_whatever_it_raises(suite, kind):
+    metric = f"""
+
+_register = pytest_drive_robust_register
+
+
+def bumps(results):
+    from pytest_drive_robust import errors
+    raise getattr(errors, "{kind}", ValueError)("nothing was recorded")
+
+
+def pytest_drive_robust_register(registry):
+    _register(registry)
+    registry.register_metric("bumps", bumps)
+"""
+    test = TEST.format(sentence="bumps under clean <= 3", strict=False).partition("class TestOld")[0]
+    result = suite(test=test, conftest=metric).runpytest_inprocess("--drive-robust")
+    assert result.ret == 1
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["*nothing was recorded*"])
+
+
 @processes
 @pytest.mark.parametrize("strict", [False, True])
 def test_a_requirement_that_is_broken_stays_expected(suite, strict, workers):

@@ -92,14 +92,18 @@ def test_second(drive):
     result.stderr.fnmatch_lines([f"ERROR: *{told}"] if told else [])
 
 
-def test_what_a_skipped_test_would_drive_need_not_be_there(suite):
-    test = """
+@pytest.mark.parametrize(
+    ("mark", "outcome"),
+    [('skipif("True", reason="not on this machine")', "skipped"), ("skip", "skipped"), ("xfail(run=False)", "xfailed")],
+)
+def test_what_a_test_that_is_not_run_would_drive_need_not_be_there(suite, mark, outcome):
+    test = f"""
 import pytest
 from pytest_drive_robust import requirement
 
-@pytest.mark.skipif("True", reason="not on this machine")
+@pytest.mark.{mark}
 @pytest.mark.drive_robust(agent="elsewhere")
-def test_skipped(drive):
+def test_not_run(drive):
     drive.check(requirement("DS") >= 1)
 """
-    run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, skipped=1)
+    run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, **{outcome: 1})

@@ -15,7 +15,7 @@ from pytest_drive_robust.testing import fake_route
 @pytest.mark.parametrize(
     ("args", "told"),
     [
-        (("--drive-compare=befor",), "there is no stored run named 'befor'."),
+        (("--drive-compare=befor",), "there is no stored run named 'befor', nor any other. Store one"),
         (("--drive-compare=baseline",), "no baseline was blessed yet"),
         (("--drive-compare=missing.json",), "there is no run file named 'missing.json'"),
         (("--drive-compare", "test_suite.py"), "If it was meant as a path to collect, put it before --drive-compare"),
@@ -27,7 +27,6 @@ from pytest_drive_robust.testing import fake_route
         (("--drive-fail-on=ds:-5%",), "--drive-fail-on says how runs are compared. Add --drive-compare RUN, or"),
         (("--drive-on-mismatch=warn",), "--drive-on-mismatch says how runs are compared"),
         (("--drive-agent", ""), "--drive-agent is empty, expected NAME: drive this agent: "),
-        (("-o", "drive_agent="), "-o drive_agent is empty, expected NAME: drive this agent: "),
         (("--drive-compare=",), "--drive-compare is empty, expected REF: judge every setting against a stored run"),
         (("--drive-results", " "), "--drive-results is empty, expected LIST: judge official results"),
         (("--drive-save", "a" * 300), "aaa', which cannot be used: File name too long."),

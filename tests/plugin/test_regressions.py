@@ -156,6 +156,23 @@ def test_alone_the_option_takes_the_newest_run(suite):
     result.stdout.fnmatch_lines(["*compared with one*"])
 
 
+@processes
+def test_an_empty_override_sets_a_value_of_the_ini_file_aside_for_one_run(suite, workers):
+    folder = suite(HOLDS)
+    run(folder, "--drive-json=base.json", "--drive-seeds=3", "--drive-verdict=point")
+    with (folder.path / "tox.ini").open("a") as ini:
+        ini.write("drive_compare = base.json\ndrive_json = run.json\ndrive_seeds = 3\n")
+    slow_down(folder)
+    assert run(folder, *workers).ret == 1
+    (folder.path / "run.json").unlink()
+    aside = [word for key in ("compare", "json", "seeds") for word in ("-o", f"drive_{key}=")]
+    result = run(folder, *aside, *workers)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["drive-robust: * seeds=0 *"])
+    result.stdout.no_fnmatch_line("*compare*")
+    assert not (folder.path / "run.json").exists()
+
+
 def test_a_run_that_cannot_be_stored_at_its_end_is_not_green(suite, monkeypatch):
     def full(*arguments):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -87,7 +87,20 @@ def test_what_fails_at_the_end_only_makes_the_run_red_unless_it_is_waived(mixed)
 
 
 @processes
-@pytest.mark.parametrize(("how", "code"), [("strict=False", 0), ("strict=True", 0), ("raises=ValueError", 1)])
+@pytest.mark.parametrize(
+    ("how", "code"),
+    [
+        ("strict=False", 0),
+        ("strict=True", 0),
+        ("raises=ValueError", 1),
+        ("raises=(ValueError, pytest.fail.Exception)", 0),
+        pytest.param(
+            "raises=pytest.RaisesExc(pytest.fail.Exception)",
+            0,
+            marks=pytest.mark.skipif(not hasattr(pytest, "RaisesExc"), reason="comes with pytest 8.4"),
+        ),
+    ],
+)
 def test_what_fails_at_the_end_only_may_do_so_in_a_test_that_is_expected_to_fail(mixed, how, code, workers):
     folder = mixed(BROKEN, NEAR)
     marks = f"    for item in items:\n        item.add_marker(pytest.mark.xfail({how}))\n"

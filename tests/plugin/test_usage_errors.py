@@ -103,6 +103,8 @@ def test_a_misspelt_ini_key_is_refused_as_another_agent_would_be_judged(suite, d
 
 def test_a_misspelt_ini_key_is_refused_on_the_command_line_too(suite, driven):
     assert "there is no ini key named 'drive_agnt'" in refused(suite(GREEN), "-o", "drive_agnt=steady")
+    spaced = "there is no ini key named 'drive_agent '. Did you mean 'drive_agent'?"
+    assert spaced in refused(suite(GREEN), "-o", "drive_agent = steady")
     assert driven() == []
 
 

@@ -50,6 +50,24 @@ def test_a_broken_requirement_says_what_was_shown(suite) -> None:
     result.stdout.fnmatch_lines(["*of 30 routes x 1 seed)", "*shown: DS < 60 on routes like these, wrong at most 5%*"])
 
 
+@pytest.mark.parametrize("rule", ["list", "evidence"])
+def test_a_broken_requirement_and_its_row_say_over_which_routes_their_numbers_stand(suite, rule) -> None:
+    pytester = suite(BROKEN, BROKEN.replace("60", "30"))
+    thirty_routes(pytester)
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", rule, "--drive-json", "run.json")
+    read = [judged["routes"] for judged in verdicts(pytester).values()]
+    assert len(set(read)) == 2, "else this shows nothing"
+    for routes in read:
+        result.stdout.fnmatch_lines(
+            [f"  DS and SR of the {routes} routes that this verdict read; the run's table has *"]
+        )
+    result.stdout.re_match_lines([rf"steady .* {max(read)}/30 +fail"])
+    output = " ".join(result.stdout.str().split())
+    assert (
+        "the row has all n that any of them read (a failing test only its own, with the interval of its rule)" in output
+    )
+
+
 @pytest.mark.parametrize(("mode", "code"), [("warn", 0), ("fail", 1), ("skip", 0)])
 def test_what_is_not_shown_is_left_open(suite, mode: str, code: int) -> None:
     pytester = suite(CLOSE)

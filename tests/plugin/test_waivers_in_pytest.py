@@ -156,6 +156,12 @@ def test_a_file_on_the_command_line_is_looked_for_where_pytest_is_called(waived,
     assert run(folder, "..", "--drive-waivers=mine.toml").ret == 0
 
 
+def test_the_usual_file_is_set_aside_for_one_run(waived):
+    folder = waived(RED)
+    assert run(folder).ret == 0
+    assert run(folder, "--drive-waivers=none").ret == 1
+
+
 def test_an_id_and_a_pattern_waive_too(waived):
     assert run(waived(RED, requirement="rd-throttle-*", agent="st*")).ret == 0
 

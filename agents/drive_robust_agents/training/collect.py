@@ -35,6 +35,9 @@ _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
 """Fields that may grow in a later run, which appends routes to a folder."""
 _MOST_S = 5.0
+_NEVER_LACKS = ("agent", "beta", "dagger")
+_WRITTEN_AS = {"int": (int,), "float": (int, float), "str": (str,), "tuple": (list,), "None": (type(None),)}
+"""The classes of what JSON holds, by the name of the class that a field of `Collection` is annotated with."""
 _DRAWS = (
     "route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "room_s", "halt_s", "simulator",
 )  # fmt: skip
@@ -151,10 +154,10 @@ def _claim(collection: Collection, out: Path) -> None:
     asked["simulator"] = EmbeddedSimulator.version
     asked["dagger_weights"] = None if collection.mixture is None else weights_digest(collection.mixture)
     asked["cameras"] = [asdict(camera) for camera in agent_rig(collection.agent).cameras]
-    file = out / _ASKED
-    if file.is_file():
+    was = _asked_in(out)
+    if was:
         unsaid = {"room_s": 0.0, "halt_s": 0.0, "dagger_weights": asked["dagger_weights"]}  # in older folders
-        there = {**unsaid, **json.loads(file.read_text(encoding="utf-8"))}
+        there = {**unsaid, **was}
         other = sorted(name for name in asked if name not in _GROWS and there.get(name) != asked[name])
         if other:
             said = "; ".join(f"{name}: {there.get(name)!r} there, {asked[name]!r} now" for name in other[:3])
@@ -163,7 +166,7 @@ def _claim(collection: Collection, out: Path) -> None:
     elif out.is_dir() and any(out.iterdir()):
         raise UsageError(f"{out} is not empty and holds no {_ASKED}: give an empty or a new folder.")
     out.mkdir(parents=True, exist_ok=True)
-    write_whole(file, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+    write_whole(out / _ASKED, json.dumps(asked, indent=1, sort_keys=True) + "\n")
 
 
 def _require_room(asked: int, out: Path) -> None:
@@ -176,16 +179,55 @@ def _require_room(asked: int, out: Path) -> None:
         )
 
 
+def _asked_in(folder: Path) -> dict[str, Any]:
+    """Return what a folder was collected for; empty for frames of another origin.
+
+    Raises `UsageError` for a damaged file: without it nobody knows what the shards beside it hold.
+    """
+    file = folder / _ASKED
+    if not file.is_file():
+        return {}
+    try:
+        asked = json.loads(file.read_text(encoding="utf-8"))
+        wrong = _misfit(asked)
+    except (ValueError, RecursionError) as error:
+        wrong = f"it is not valid JSON: {error}"
+    if wrong:
+        raise UsageError(
+            f"{file} is damaged: {wrong}. It says what the shards beside it hold: put back a copy of it, or collect "
+            "into a new folder."
+        )
+    return dict(asked)
+
+
+def _misfit(asked: object) -> str:
+    """Return what is wrong with the content of a collection's file; `""` when nothing is. Older files lack fields."""
+    if not isinstance(asked, dict):
+        return f"it holds a {type(asked).__name__}, expected an object"
+    for name in _NEVER_LACKS:
+        if name not in asked:
+            return f"it holds no {name!r}"
+    for field in fields(Collection):
+        named = [part.partition("[")[0].strip() for part in str(field.type).split("|")]
+        if field.name in asked and not any(type(asked[field.name]) in _WRITTEN_AS[name] for name in named):
+            return f"{field.name!r} is {asked[field.name]!r}, expected {field.type}"
+    if asked.get("shard_routes", 1) < 1:
+        return f"'shard_routes' is {asked['shard_routes']!r}, expected at least 1"
+    cameras = asked.get("cameras", [])
+    if not isinstance(cameras, list) or not all(isinstance(camera, dict) and "name" in camera for camera in cameras):
+        return "'cameras' is not a list of cameras"
+    return ""
+
+
 def draws_of(folder: Path) -> dict[str, Any]:
     """Return the draws of routes and moments in a folder, for a manifest; empty for frames of another origin.
 
     `expert_share` is below 1 when an agent drove, too. The agent's name is left out, because its weights are a private
     file.
     """
-    file = folder / _ASKED
-    if not file.is_file():
+    asked = _asked_in(folder)
+    if not asked:
         return {}
-    asked = json.loads(file.read_text(encoding="utf-8"))
     drawn = {name: asked[name] for name in _DRAWS if name in asked}
     return {**drawn, "expert_share": asked["beta"] if asked["dagger"] else 1.0}
 
@@ -204,8 +246,7 @@ def check_world(folders: Sequence[Path]) -> None:
 def check_cameras(folders: Sequence[Path], agent: str) -> None:
     """Raise `UsageError` for pictures of cameras other than the agent's; frames without a collection pass."""
     for folder in folders:
-        file = folder / _ASKED
-        asked = json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+        asked = _asked_in(folder)
         there = {camera["name"]: camera for camera in asked.get("cameras", ())}
         other = [one.name for one in agent_rig(agent).cameras if there.get(one.name) != asdict(one)]
         if there and other:
@@ -218,10 +259,9 @@ def check_cameras(folders: Sequence[Path], agent: str) -> None:
 def check_complete(folders: Sequence[Path]) -> None:
     """Raise `UsageError` for a collection that was broken off; frames of no collection pass."""
     for folder in folders:
-        file = folder / _ASKED
-        if not file.is_file():
+        asked = _asked_in(folder)
+        if not asked:
             continue
-        asked = json.loads(file.read_text(encoding="utf-8"))
         known = {field.name: asked[field.name] for field in fields(Collection) if field.name in asked}
         shards = len(Collection(**known).shards(folder))
         there = sum(number < shards for number in shard_numbers(folder))

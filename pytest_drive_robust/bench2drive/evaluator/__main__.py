@@ -107,7 +107,8 @@ def _run(options: argparse.Namespace) -> int:
     known = {route.id: route for route in executor.routes}
     for route_id in chosen:
         if route_id not in known:
-            raise UnknownNameError.of(f"route in {file}", route_id, known)
+            listed_by = f"drive-robust routes list {file}"
+            raise UnknownNameError.of(f"route in {file}", route_id, known, listed_by=listed_by)
     requests = [
         EpisodeRequest(Episode(AGENT_PREFIX + options.agent, name, str(setting), options.seed), known[name], setting)
         for name in dict.fromkeys(chosen or known)

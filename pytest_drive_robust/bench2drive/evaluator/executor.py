@@ -209,7 +209,8 @@ class Bench2DriveExecutor(Executor):
     def _require_route(self, route: Route) -> None:
         own = self._known.get(route.id)
         if own is None:
-            raise UnknownNameError.of(f"route in {str(self._routes)!r}", route.id, self._known)
+            listed_by = f"drive-robust routes list {self._routes}"
+            raise UnknownNameError.of(f"route in {str(self._routes)!r}", route.id, self._known, listed_by=listed_by)
         if own != route:
             here, there = (f"{one.scenario.type} in {one.town}" for one in (route, own))
             told = f"{here} for the test, but {there}" if here != there else "another one for the test than it is"

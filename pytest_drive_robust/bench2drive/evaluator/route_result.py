@@ -14,7 +14,7 @@ from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.evaluator.setup import INJECTED_LOG
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
 from pytest_drive_robust.bench2drive.results.results_file import read_results
-from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
@@ -63,7 +63,7 @@ def record_in(path: Path, route: str, ended: Attempt) -> tuple[OfficialRecord | 
     try:
         records = [record for record in read_results(path).records if record.route == route]
     except UsageError as error:
-        return None, f"{told}: {str(error).replace(shown(path), 'its result')}"  # that file is removed
+        return None, f"{told}: {str(error).replace(printable(path), 'its result')}"  # that file is removed
     if len(records) != 1:
         return None, f"{told} with {len(records)} records of the route, expected one"
     (record,) = records

@@ -13,7 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 
@@ -54,7 +54,7 @@ def _planner(carla: Any, planner_module: Any, town: str, carla_root: Path) -> An
     places = [maps / "OpenDrive" / f"{town}.xodr", maps / town / "OpenDrive" / f"{town}.xodr"]
     path = next((place for place in places if place.is_file()), None)
     if path is None:
-        raise UsageError(f"there is no map of {shown(town)}: looked for {' and '.join(map(str, places))}.")
+        raise UsageError(f"there is no map of {printable(town)}: looked for {' and '.join(map(str, places))}.")
     try:
         return planner_module.GlobalRoutePlanner(carla.Map(town, path.read_text(encoding="utf-8")), _STEP_M)
     except (OSError, RuntimeError, UnicodeError) as error:
@@ -67,5 +67,5 @@ def _share(carla: Any, planner: Any, route: Route) -> float:
         waypoint.is_junction for begin, end in pairwise(places) for waypoint, _ in planner.trace_route(begin, end)
     ]
     if True not in in_junction:
-        raise UsageError(f"the route {shown(route.id)} has no junction: the official ability tool stops at it too.")
+        raise UsageError(f"the route {printable(route.id)} has no junction: the official ability tool stops at it too.")
     return (in_junction.index(True) + 1 + _BEYOND_WAYPOINTS) / len(in_junction)

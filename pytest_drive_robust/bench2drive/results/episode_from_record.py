@@ -17,7 +17,7 @@ from pytest_drive_robust.bench2drive.results.official_record import (
     place_of,
     ratios_pct,
 )
-from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable
 from pytest_drive_robust.bench2drive.results.writing import record_of
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.outcome import Infraction, InfractionKind
@@ -73,7 +73,7 @@ def episode_from_fields(fields: Mapping[str, Any], trace: Trace = NO_TICKS, *, w
         return result_of(fields, trace)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(
-            f"{where} is damaged: {type(error).__name__}: {shown(str(error), quotes=False)}. Export the run again."
+            f"{where} is damaged: {type(error).__name__}: {printable(str(error), quotes=False)}. Export the run again."
         ) from None
 
 

@@ -18,7 +18,7 @@ from typing import Any
 from pytest_drive_robust.bench2drive.results.ability_map import MAPS_FOLDER, TOWNS, map_text, routes_text
 from pytest_drive_robust.bench2drive.results.episode_from_record import EPISODE_FILE, episode_from_fields
 from pytest_drive_robust.bench2drive.results.motion_log import FILE_NAME, log_text
-from pytest_drive_robust.bench2drive.results.safe_json import shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable
 from pytest_drive_robust.bench2drive.results.writing import record_of, results_document
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
@@ -76,16 +76,16 @@ def export_run(
             write_whole(maps / f"{town}.xodr", map_text(town))
         return written
     except OSError as error:
-        raise UsageError(f"cannot write to {shown(folder)}: {error.strerror}.") from None
+        raise UsageError(f"cannot write to {printable(folder)}: {error.strerror}.") from None
 
 
 def _require_free(folder: Path) -> None:
     try:
         taken = folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
     except OSError as error:
-        raise UsageError(f"cannot write to {shown(folder)}: {error.strerror}.") from None
+        raise UsageError(f"cannot write to {printable(folder)}: {error.strerror}.") from None
     if taken:
-        raise UsageError(f"{shown(folder)} is there already and not empty. Give a new folder.")
+        raise UsageError(f"{printable(folder)} is there already and not empty. Give a new folder.")
 
 
 def _episode(fields: object, find: Find, *, where: str) -> EpisodeResult:
@@ -105,8 +105,8 @@ def _require_exportable(results: list[EpisodeResult]) -> None:
         route = result.episode.route_id
         if not re.fullmatch(r"[A-Za-z0-9.+-]{1,200}", route):
             raise UsageError(
-                f"the route {shown(route)} cannot be exported: official tools cut ids at '_' and make file names of "
-                "them. Expected letters, digits and . + -"
+                f"the route {printable(route)} cannot be exported: official tools cut ids at '_' and make file names "
+                "of them. Expected letters, digits and . + -"
             )
         if route in seen:
             raise UsageError(

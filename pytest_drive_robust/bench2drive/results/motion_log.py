@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord
-from pytest_drive_robust.bench2drive.results.safe_json import finite, read_json, shown
+from pytest_drive_robust.bench2drive.results.safe_json import finite, printable, read_json
 from pytest_drive_robust.domain.result import Trace, read_only
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.jit.arrays import Floats
@@ -74,9 +74,10 @@ def _read_log(path: Path, record: OfficialRecord) -> _Log:
     """Read the log of a record. Raises `UsageError` for a damaged file."""
     document = read_json(path)
     if not isinstance(document, dict):
-        raise UsageError(f"{shown(path)} is not a log of motion: expected an object with one entry for each step.")
+        raise UsageError(f"{printable(path)} is not a log of motion: expected an object with one entry for each step.")
     rows = np.array(
-        [_row(given, f"{shown(path)}, step {shown(step)}") for step, given in document.items()], dtype=np.float64
+        [_row(given, f"{printable(path)}, step {printable(step)}") for step, given in document.items()],
+        dtype=np.float64,
     ).reshape(len(document), _WIDTH)
     steps = [int(step) for step in document if step.isascii() and step.isdigit() and len(step) < 10]
     known = np.array(steps, dtype=np.int64)
@@ -185,10 +186,10 @@ def _row(given: object, where: str) -> list[float]:
     for name in _VECTORS:
         vector = given.get(name) if isinstance(given, dict) else None
         if not isinstance(vector, list) or len(vector) != 3:
-            raise UsageError(f"{where}: {name} is {shown(vector)}, expected a list of three numbers.")
+            raise UsageError(f"{where}: {name} is {printable(vector)}, expected a list of three numbers.")
         for value in vector:
             number = finite(value)
             if number is None:
-                raise UsageError(f"{where}: {name} holds {shown(value)}, expected a finite number.")
+                raise UsageError(f"{where}: {name} holds {printable(value)}, expected a finite number.")
             row.append(number)
     return row

@@ -13,7 +13,7 @@ from decimal import Decimal
 from types import MappingProxyType
 from typing import Any
 
-from pytest_drive_robust.bench2drive.results.safe_json import finite, shown
+from pytest_drive_robust.bench2drive.results.safe_json import finite, printable
 from pytest_drive_robust.domain.outcome import End, InfractionKind, Outcome
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 
@@ -90,11 +90,11 @@ def read_record(given: object, where: str) -> OfficialRecord:
     route_id = _text(fields, "route_id", where)
     parts = _ROUTE_ID.fullmatch(route_id)
     if parts is None:
-        raise UsageError(f"{where}: route_id is {shown(route_id)}, expected 'RouteScenario_<id>_rep<number>'.")
-    where = f"{where} ({shown(route_id, quotes=False)})"
+        raise UsageError(f"{where}: route_id is {printable(route_id)}, expected 'RouteScenario_<id>_rep<number>'.")
+    where = f"{where} ({printable(route_id, quotes=False)})"
     status = _text(fields, "status", where)
     if status not in STATUSES:
-        raise UsageError(f"{where}: {UnknownNameError.of('status', shown(status, quotes=False), STATUSES)}")
+        raise UsageError(f"{where}: {UnknownNameError.of('status', printable(status, quotes=False), STATUSES)}")
     scores, meta = _mapping(fields.get("scores"), f"{where}, scores"), _mapping(fields.get("meta"), f"{where}, meta")
     own = fields.get(EXTENSION)
     return OfficialRecord(
@@ -126,21 +126,21 @@ def _infractions(given: object, where: str) -> dict[str, tuple[str, ...]]:
     found = {}
     for name, messages in lists.items():
         if not isinstance(messages, list) or not all(isinstance(message, str) for message in messages):
-            raise UsageError(f"{where}: the infractions {shown(name)} are not a list of sentences.")
+            raise UsageError(f"{where}: the infractions {printable(name)} are not a list of sentences.")
         found[name] = tuple(messages)
     return found
 
 
 def _mapping(given: object, where: str) -> Mapping[str, Any]:
     if not isinstance(given, dict):
-        raise UsageError(f"{where} is {shown(given)}, expected an object with names and values.")
+        raise UsageError(f"{where} is {printable(given)}, expected an object with names and values.")
     return given
 
 
 def _text(fields: Mapping[str, Any], name: str, where: str) -> str:
     value = fields.get(name)
     if not isinstance(value, str):
-        raise UsageError(f"{where}: {name} is {shown(value)}, expected text.")
+        raise UsageError(f"{where}: {name} is {printable(value)}, expected text.")
     return value
 
 
@@ -153,7 +153,7 @@ def _number(fields: Mapping[str, Any], name: str, where: str, *, high: float | N
     value = finite(fields.get(name))
     if value is None or value < 0.0 or (high is not None and value > high):
         bounds = "of 0 or more" if high is None else f"in 0..{high:g}"
-        raise UsageError(f"{where}: {name} is {shown(fields.get(name))}, expected a number {bounds}.")
+        raise UsageError(f"{where}: {name} is {printable(fields.get(name))}, expected a number {bounds}.")
     return value
 
 
@@ -192,7 +192,7 @@ def ratios_pct(record: OfficialRecord, *, read: Callable[[str], float | None] = 
         ratio = read(message)
         if ratio is None:
             raise UsageError(
-                f"{record.where}: {SPEED_LIST} holds {shown(message)}, expected a sentence like "
+                f"{record.where}: {SPEED_LIST} holds {printable(message)}, expected a sentence like "
                 '"Average speed is 62.41% of the surrounding traffic\'s one".'
             )
         found.append(ratio)

@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from pytest_drive_robust.bench2drive.results.safe_json import read_json, shown
+from pytest_drive_robust.bench2drive.results.safe_json import printable, read_json
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -25,7 +25,7 @@ def planned_routes(folder: Path) -> tuple[str, ...]:
     ids = read_json(file)
     if not isinstance(ids, list) or not all(isinstance(name, str) for name in ids):
         raise UsageError(
-            f"{shown(file)} is damaged: expected a list of route ids. Remove it and start the evaluation "
+            f"{printable(file)} is damaged: expected a list of route ids. Remove it and start the evaluation "
             "again, which drives only what is missing."
         )
     return tuple(ids)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pytest_drive_robust.bench2drive.results.official_record import OfficialRecord, read_record
 from pytest_drive_robust.bench2drive.results.planned_routes import planned_routes
-from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, read_json, shown
+from pytest_drive_robust.bench2drive.results.safe_json import finite, is_empty, printable, read_json
 from pytest_drive_robust.errors import UsageError, first_few
 
 _MERGED = "merged.json"
@@ -31,11 +31,11 @@ class UnfinishedFile:
 
     def __str__(self) -> str:
         if self.planned is None:
-            return f"{shown(self.path)} is empty: its evaluator ended before the first route"
-        names = first_few([shown(name, quotes=False) for name in self.missing], _MOST_SHOWN)
+            return f"{printable(self.path)} is empty: its evaluator ended before the first route"
+        names = first_few([printable(name, quotes=False) for name in self.missing], _MOST_SHOWN)
         without = f", without {names}" if self.missing else ""
         doubled = f", and {self.doubled} more records of the same ones" if self.doubled else ""
-        return f"{shown(self.path)} holds {self.held} of {self.planned} episodes{without}{doubled}"
+        return f"{printable(self.path)} holds {self.held} of {self.planned} episodes{without}{doubled}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,17 +84,17 @@ def read_results(path: Path) -> ResultSet:
         lines = _records_of(document)
         if lines is None:
             if file == path:
-                raise UsageError(f"{shown(file)} holds no official results: expected '_checkpoint' with 'records'.")
+                raise UsageError(f"{printable(file)} holds no official results: expected '_checkpoint' with 'records'.")
             skipped.append(file)
             continue
-        of_file = [read_record(line, f"{shown(file)}, record {number}") for number, line in enumerate(lines)]
+        of_file = [read_record(line, f"{printable(file)}, record {number}") for number, line in enumerate(lines)]
         held, total = len({record.route_id for record in of_file}), _planned(document)
         if total is not None and held < total:
             unfinished.append(UnfinishedFile(file, held, total, doubled=len(of_file) - held))
         records += of_file
         planned.append(total)
     if not records:
-        raise UsageError(f"{shown(path)} holds no record of a route. A score of nothing is not 0.")
+        raise UsageError(f"{printable(path)} holds no record of a route. A score of nothing is not 0.")
     totals = [total for total in planned if total is not None]
     there = {record.route for record in records}
     missing = tuple(route for route in routes if route not in there)
@@ -115,7 +115,7 @@ def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
     except (OSError, ValueError) as error:  # a name that no disk can have
-        raise UsageError(f"{shown(path)} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+        raise UsageError(f"{printable(path)} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
 
 
 def _files_of(folder: Path) -> list[Path]:
@@ -126,11 +126,11 @@ def _files_of(folder: Path) -> list[Path]:
         if splits or found:
             holding = (not is_empty(item) and _records_of(read_json(item)) is not None for item in splits)
             return splits if any(holding) else found
-        below = sorted({shown(item.parent) for item in folder.glob("*/*.json")})[:5]
+        below = sorted({printable(item.parent) for item in folder.glob("*/*.json")})[:5]
     except OSError as error:
-        raise UsageError(f"{shown(folder)} cannot be read: {error.strerror}.") from None
+        raise UsageError(f"{printable(folder)} cannot be read: {error.strerror}.") from None
     hint = f" Below it, files are in {', '.join(below)}." if below else ""
-    raise UsageError(f"{shown(folder)} holds no *.json file.{hint} Give a result file or the folder of its parts.")
+    raise UsageError(f"{printable(folder)} holds no *.json file.{hint} Give a result file or the folder of its parts.")
 
 
 def _records_of(document: object) -> list[object] | None:

@@ -13,7 +13,7 @@ _SHOWN_CHARACTERS = 120
 
 def read_json(path: Path) -> object:
     """Return the value in a JSON file. Raises `UsageError` as `json_reader` does, also for what is no file."""
-    name = shown(str(path))
+    name = printable(str(path))
     if not path.is_file():  # a pipe would wait for ever
         raise UsageError(f"there is no file {name}.")
     return json_reader.read_json(path, name=name)
@@ -38,7 +38,7 @@ def finite(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def shown(text: object, *, quotes: bool = True) -> str:
+def printable(text: object, *, quotes: bool = True) -> str:
     """Return foreign text for a message: one line that every terminal can print, cut when it is long."""
     try:
         plain = str(text) if isinstance(text, (str, int, float, Path)) else type(text).__name__

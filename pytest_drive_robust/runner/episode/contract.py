@@ -146,10 +146,19 @@ def blame(call: str, error: BaseException, verb: str = "raised") -> str:
     return f"{call} {verb} {_cut(_in_words(error))}{_place(error)}"
 
 
+class _AloneError(Exception):
+    """Stands for a group of exceptions, without what it holds and without its context."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
 def _in_words(error: BaseException, depth: int = 0) -> str:
     """Return the last line of an error's traceback, then its notes, then the errors that a group holds."""
-    # `limit=0`: no frame is shown here, and those of nested groups take long to extract
-    told = traceback.TracebackException(type(error), error, None, limit=0, compact=True)
+    # alone: for a group `TracebackException` also describes all that it holds, and each of those again as the context
+    # of the next, which is quadratic in the depth
+    alone = error if not hasattr(error, "exceptions") else _AloneError(error)
+    told = traceback.TracebackException(type(error), alone, None, limit=0, compact=True)
     told.__notes__ = None  # type: ignore[attr-defined]  # notes would be the last lines
     noted = getattr(error, "__notes__", ())
     notes = noted if isinstance(noted, (list, tuple)) else (noted,)

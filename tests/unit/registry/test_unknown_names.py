@@ -23,6 +23,20 @@ def test_an_unknown_name_is_answered_with_the_nearest_one_and_how_to_register() 
         registry.names("agent")
 
 
+def test_of_many_names_the_nearest_are_listed_and_what_lists_the_others() -> None:
+    registry = Registry()
+    for name in (*"abcdefghijk", "speedster"):
+        registry.register_agent(name, scripted)
+    with pytest.raises(UnknownNameError, match=r"Nearest of \d+: speedster, .*`drive-robust list agents` lists all\."):
+        registry.agent("speedstr")
+
+
+def test_where_nothing_has_a_name_the_message_says_so() -> None:
+    assert str(UnknownNameError.of("stored run", "befor", [], hint="Store one.")) == (
+        "there is no stored run named 'befor', nor any other. Store one."
+    )
+
+
 @pytest.mark.parametrize("given", ["my_own_agent", "my_own_agent.py"])
 def test_a_module_in_the_place_of_its_class_is_answered_with_how_to_name_the_class(
     given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

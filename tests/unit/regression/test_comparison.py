@@ -54,14 +54,14 @@ def test_the_route_that_lost_most_comes_first_though_another_ended_lower() -> No
 def test_better_is_never_a_regression_and_its_flips_come_last() -> None:
     before = {"1": 20.0, "2": 100.0, "3": 50.0}
     after = {"1": 100.0, "2": 90.0, "3": 50.0}
-    (found,) = compare(snapshot(cell(before)), snapshot(cell(after)), terms("ds:-5%", kind="point")).cells
+    (found,) = compare(snapshot(cell(before)), snapshot(cell(after)), terms("ds:-5%", rule="point")).cells
     assert found.verdict == "pass"
     assert [(flip.fails, flip.after.route_id) for flip in found.flips] == [(True, "2"), (False, "1")]
 
 
 def test_three_routes_show_nothing_by_evidence() -> None:
     old, new = snapshot(cell([100.0] * 3)), snapshot(cell([10.0] * 3))
-    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
+    (found,) = compare(old, new, terms("ds:-5%", rule="evidence")).cells
     assert found.verdict == "inconclusive"
     assert len(found.flips) == 3
 
@@ -102,7 +102,7 @@ def test_what_is_open_is_told_only_where_something_changed_and_was_judged() -> N
     (changed,) = compare(old, snapshot(cell([79.0] * 10, seed=1))).cells
     assert (changed.verdict, changed.is_open) == ("inconclusive", True)
     weak, weaker = (snapshot(cell([score] * 10, setting="occlusion 0.5", seed=1)) for score in (80.0, 79.0))
-    (error,) = compare(weak, weaker, terms("ds:-5%", "rd:+0.05", kind="evidence")).cells
+    (error,) = compare(weak, weaker, terms("ds:-5%", "rd:+0.05", rule="evidence")).cells
     assert [finding.is_open for finding in error.findings] == [True, False]
     assert (error.verdict, error.is_open) == ("error", False)
 
@@ -128,7 +128,7 @@ def test_a_run_in_which_nothing_was_scored_says_why() -> None:
 def test_the_verdict_on_a_relative_drop_is_that_of_the_gate(pairs: list[tuple[float, float]]) -> None:
     before, after = zip(*pairs, strict=True)
     old, new = snapshot(cell(before)), snapshot(cell(after))
-    (found,) = compare(old, new, terms("ds:-5%", kind="evidence")).cells
+    (found,) = compare(old, new, terms("ds:-5%", rule="evidence")).cells
     order = compare_order(old.cells["driver", "clean"], new.cells["driver", "clean"])
     expected = gate([before[n] for n in order], [after[n] for n in order], 0.05)
     assert found.verdict == expected.verdict
@@ -246,7 +246,7 @@ def test_rd_is_of_the_routes_whose_clean_scores_both_runs_have(lacking: str) -> 
     weak = cell([50.0, 50.0, 0.0], setting="200 ms latency")
     whole, short = snapshot(cell([100.0, 100.0, 100.0]), weak), snapshot(cell([100.0, 100.0]), weak)
     old, new = (short, whole) if lacking == "before" else (whole, short)
-    found = compare(old, new, terms("rd:+0.05", kind="point")).cells[1]
+    found = compare(old, new, terms("rd:+0.05", rule="point")).cells[1]
     assert (found.routes, found.findings[0].routes, found.findings[0].verdict) == (3, 2, "pass")
     assert found.before.rd == found.after.rd == 0.5
 
@@ -341,6 +341,16 @@ def test_a_run_that_ended_early_is_an_error_and_not_another_set_of_routes() -> N
     comparison = compare(snapshot(cell(BUSY)), snapshot(short))
     assert not comparison.refusals
     assert comparison.regressed
+
+
+def test_a_setting_that_a_stopped_test_may_have_asked_for_is_not_judged_and_another_agents_is_a_note() -> None:
+    old = snapshot(cell(BUSY), cell(BUSY, setting="occlusion 0.5"), cell(BUSY, agent="other"))
+    new = replace(snapshot(cell(BUSY), label="new"), stopped_tests=("test_it.py::test_two", "test_it.py::test_more"))
+    comparison = compare(old, new)
+    told = "a verdict stopped test_it.py::test_two and 1 more, which may have asked for it after that"
+    assert comparison.unjudged == (f"driver under occlusion 0.5: not scored: {told}",)
+    assert comparison.regressed
+    assert comparison.notes == ("not in new: other under clean",)
 
 
 def test_a_run_that_stopped_at_its_verdicts_is_refused_in_one_sentence() -> None:

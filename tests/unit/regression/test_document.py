@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,7 @@ def test_no_file_is_named_for_routes_of_several(specs: tuple[str, ...], told: st
         ({"notes": ["yes", 5]}, "notes[1] must be string, not 5"),
         ({"episodes": [{"key": "k", "ticks": 1}]}, "episodes[0] lacks 'agent'"),
         ({"ended_early": 0}, "ended_early must be boolean, not 0"),
+        ({"stopped_tests": [1]}, "stopped_tests[0] must be string, not 1"),
     ],
     ids=lambda value: str(value)[:30],
 )
@@ -86,6 +88,17 @@ def test_a_file_with_something_else_where_runs_have_their_parts_is_no_run(
     (tmp_path / "run.json").write_text(json.dumps({**run, **changed}))
     with pytest.raises(UsageError, match=re.escape(f"run.json' is damaged: {told}.")):
         read_document(tmp_path / "run.json")
+
+
+def test_a_damaged_run_is_named_as_well_after_a_nested_session_has_imported_the_checker_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "run.json").write_text('{"schema": 1, "settings": {}, "summaries": 5, "episodes": []}')
+    for _ in range(2):
+        with pytest.raises(UsageError, match="is damaged"):
+            read_document(tmp_path / "run.json")
+        for name in [name for name in sys.modules if name.partition(".")[0] == "fastjsonschema"]:
+            monkeypatch.delitem(sys.modules, name)
 
 
 def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:

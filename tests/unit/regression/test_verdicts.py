@@ -20,13 +20,13 @@ def quartets_of(clean_before: float, clean_after: float, *, kept_before: float, 
     return [Quartet(str(number), *scores) for number in range(200)]
 
 
-@pytest.mark.parametrize("kind", ["evidence", "list", "point"])
-def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(kind) -> None:
+@pytest.mark.parametrize("rule", ["evidence", "list", "point"])
+def test_a_rise_of_rd_never_passes_where_a_clean_score_is_below_the_floor(rule) -> None:
     (allowance,) = parse_allowances(["rd:+0.05"], source="test")
 
     def verdict(clean_before: float, clean_after: float, *, kept_after: float = 0.9) -> str:
         return judge_rise(
-            quartets_of(clean_before, clean_after, kept_before=0.9, kept_after=kept_after), allowance, kind=kind
+            quartets_of(clean_before, clean_after, kept_before=0.9, kept_after=kept_after), allowance, rule=rule
         )
 
     assert verdict(80.0, 80.0) == verdict(30.0, 30.0) == "pass"
@@ -58,7 +58,7 @@ def test_evidence_decides_a_drop_in_the_unit_of_its_metric(text: str, held: floa
 def test_a_list_of_which_all_is_known_is_judged_by_all_of_it(begins: float, goes_on: float, verdict: str) -> None:
     (allowance,) = parse_allowances(["ds:-5%"], source="test")
     pairs = [(60.0, begins)] * 15 + [(60.0, goes_on)] * 29
-    assert judge_drop(pairs, allowance, kind="list") == verdict
+    assert judge_drop(pairs, allowance, rule="list") == verdict
 
 
 @pytest.mark.parametrize("text", ["sr:-5%", "ds:-5%"])
@@ -66,8 +66,8 @@ def test_what_was_nothing_on_every_route_cannot_drop(text: str) -> None:
     (allowance,) = parse_allowances([text], source="test")
     same, better = [(0.0, 0.0)] * 44, [(0.0, 0.8 * allowance.top)] * 44
     verdicts = {
-        kind: (judge_drop(same, allowance, kind=kind), judge_drop(better, allowance, kind=kind))
-        for kind in ("list", "point", "evidence")
+        rule: (judge_drop(same, allowance, rule=rule), judge_drop(better, allowance, rule=rule))
+        for rule in ("list", "point", "evidence")
     }
     assert verdicts == {"list": ("pass", "pass"), "point": ("pass", "pass"), "evidence": ("inconclusive", "pass")}
 
@@ -80,11 +80,11 @@ def test_what_each_route_lost_before_as_well_is_no_noise() -> None:
     assert judge_rise(quartets(others), allowance) == "inconclusive"
 
 
-@pytest.mark.parametrize("kind", ["list", "point"])
-def test_what_rises_by_exactly_the_allowance_passes(kind) -> None:
+@pytest.mark.parametrize("rule", ["list", "point"])
+def test_what_rises_by_exactly_the_allowance_passes(rule) -> None:
     def verdict(percent: int, kept_after: float) -> str:
         (allowance,) = parse_allowances([f"rd:+{percent / 100}"], source="test")
-        return judge_rise(quartets_of(90.0, 80.0, kept_before=0.9, kept_after=kept_after), allowance, kind=kind)
+        return judge_rise(quartets_of(90.0, 80.0, kept_before=0.9, kept_after=kept_after), allowance, rule=rule)
 
     for percent in range(1, 60):  # in some of them rounding is against it
         assert verdict(percent, 0.9 - percent / 100) == "pass"

@@ -34,7 +34,7 @@ def test_an_open_verdict_on_changed_scores_says_what_was_seen() -> None:
 
 def test_a_drop_is_not_rounded_to_what_is_allowed() -> None:
     before, after = snapshot(cell([80.0] * 40)), snapshot(cell([75.99] * 40))
-    allowed = Terms(parse_allowances(["ds:-5%", "ds:-4.005"], source="--fail-on"), kind="point")
+    allowed = Terms(parse_allowances(["ds:-5%", "ds:-4.005"], source="--fail-on"), rule="point")
     text = comparison_text(compare(before, after, allowed), colour=False)
     assert "broken: DS drops by 5 % at most; 80.00 -> 75.99 (-5.01 %) on 40 routes" in text
     assert "broken: DS drops by 4.005 at most; 80.00 -> 75.99 (-4.01) on 40 routes" in text

@@ -48,7 +48,7 @@ def many(agent="driver"):
 def test_a_reading_goes_through_the_routes_in_planned_order_clean_first():
     scope, wanted = many(), requirement("RD", LATENCY) <= 0.3
     plan = scope.verdict_plan(wanted, VerdictRule())
-    assert plan.kind == "evidence"
+    assert plan.rule == "evidence"
     order = [route.perturbed[0].route.id for route in routes_in_order(scope, plan.need)]
     asked = [(task.route.id, task.episode.setting) for task in plan.requests(0)]
     assert asked == [(route, setting) for route in order for setting in ("clean", str(LATENCY))]
@@ -94,7 +94,7 @@ def test_the_judge_of_a_plan_has_the_numbers_of_its_rule_and_only_a_degradation_
 def test_a_function_over_all_episodes_is_compared_whatever_the_rule():
     metric = Metric.from_function("ticks", lambda results: float(results[0].ticks))
     plan = many().verdict_plan(Requirement(metric, LATENCY, "<=", 30.0), VerdictRule("evidence"))
-    assert (plan.kind, plan.likely_routes) == ("point", 40)
+    assert (plan.rule, plan.likely_routes) == ("point", 40)
 
 
 def test_a_comparison_of_values_takes_all_routes():

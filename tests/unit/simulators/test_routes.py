@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,16 @@ def test_an_unknown_id_is_answered_with_those_of_the_file(route_file: str) -> No
         UnknownNameError, match=r"no route of 'full' named '999999'.*`drive-robust routes list full` shows them"
     ):
         resolve_routes("999999")
+
+
+def test_of_many_ids_those_nearest_to_an_unknown_one_are_named() -> None:
+    with pytest.raises(UnknownNameError) as refused:
+        resolve_routes("full:29010")
+    told = re.search(r"Nearest of 220: ([\d, ]+)\. `drive-robust routes list full`", str(refused.value))
+    assert told is not None, refused.value
+    named = told[1].split(", ")
+    assert len(named) == 8
+    assert named[0] == "2901"
 
 
 def test_an_unknown_set_or_file_is_answered_with_the_nearest(route_file: str) -> None:

@@ -230,6 +230,34 @@ def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     check_world([new, tmp_path])  # frames of no collection are somebody's own
 
 
+DAMAGED = [
+    (b'{"agent": "tcp", "beta', "it is not valid JSON: "),
+    (b"\xff\xfe", "it is not valid JSON: 'utf-8' codec can't decode"),
+    (b"[" * 100_000, "it is not valid JSON: "),
+    (b"[1, 2]", "it holds a list, expected an object"),
+    (b"{}", "it holds no 'agent'"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "per_type": "many"}', "'per_type' is 'many', expected int"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "shard_routes": 0}', "'shard_routes' is 0, expected at least 1"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "cameras": [3]}', "'cameras' is not a list of cameras"),
+]
+
+
+@pytest.mark.parametrize(("content", "wrong"), DAMAGED, ids=[wrong for _, wrong in DAMAGED])
+def test_a_damaged_definition_of_the_data_is_named_with_what_to_do(
+    content: bytes, wrong: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "collect.json").write_bytes(content)
+    with pytest.raises(SystemExit) as ended:
+        main(["collect", "--agent", "tcp", "--out", str(tmp_path)])
+    assert ended.value.code == 4
+    said = capsys.readouterr().err
+    assert said.startswith(f"{tmp_path / 'collect.json'} is damaged: {wrong}")
+    assert said.endswith("put back a copy of it, or collect into a new folder.\n")
+    for check in (draws_of, lambda folder: check_cameras([folder], "tcp"), lambda folder: check_complete([folder])):
+        with pytest.raises(UsageError, match="is damaged"):
+            check(tmp_path)
+
+
 def test_pictures_of_other_cameras_are_not_trained_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_write(monkeypatch)
     folder = tmp_path / "bev"

@@ -225,7 +225,7 @@ def test_training_refuses_frames_of_another_world(
 ) -> None:
     other = tmp_path / "other"
     other.mkdir()
-    (other / "collect.json").write_text(json.dumps({"simulator": "2", "beta": 0.5, "dagger": None}))
+    (other / "collect.json").write_text(json.dumps({"simulator": "2", "agent": "tcp", "beta": 0.5, "dagger": None}))
     train = ["train", "--agent", "tcp", "--run", str(tmp_path / "run"), "--frames", str(frames), str(other)]
     assert "was collected in embedded 2, and the world is" in refused(capsys, *train)
 

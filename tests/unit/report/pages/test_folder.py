@@ -401,7 +401,7 @@ def test_a_comparison_brings_the_episodes_that_flipped(tmp_path, agent_before):
     scores = [100.0 if n % 4 else 20.0 for n in range(len(ids))]
     after = records(*(scored(name, score) for name, score in zip(ids, scores, strict=True)))
     found = compare(
-        snapshot_of(before.document, label="old"), snapshot_of(after.document, label="new"), Terms(kind="list")
+        snapshot_of(before.document, label="old"), snapshot_of(after.document, label="new"), Terms(rule="list")
     )
     write_pages(tmp_path, after, comparison=found, before=before)
     run = data_of(tmp_path)
