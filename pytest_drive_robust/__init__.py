@@ -27,7 +27,8 @@ if TYPE_CHECKING:
         Setting,
         SpeedNoise,
     )
-    from pytest_drive_robust.verdict.requirement import Requirement, requirement
+    from pytest_drive_robust.verdict.object_form import requirement
+    from pytest_drive_robust.verdict.requirement import Requirement
     from pytest_drive_robust.verdict.sentences import requirements
 
     __version__: str
@@ -81,7 +82,8 @@ _MODULES = {
         "Setting",
         "SpeedNoise",
     ),
-    "verdict.requirement": ("Requirement", "requirement"),
+    "verdict.requirement": ("Requirement",),
+    "verdict.object_form": ("requirement",),
     "verdict.sentences": ("requirements",),
     "domain.camera_rigs": ("rig", "rig_names"),
 }

@@ -10,7 +10,6 @@ from typing import Any
 from pytest_drive_robust.bench2drive.results.export import CARLA_FOLDER, export_run
 from pytest_drive_robust.cli.references import add_run
 from pytest_drive_robust.cli.tables import say
-from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.regression.references import project_store, read_run_document
@@ -20,8 +19,7 @@ from pytest_drive_robust.results.rrd_file import write_rrd
 from pytest_drive_robust.results.run import Run, read_run
 from pytest_drive_robust.results.table_files import write_csv_tables, write_parquet_tables
 from pytest_drive_robust.simulators.routes import resolve_routes
-from pytest_drive_robust.store.base import Find
-from pytest_drive_robust.store.record_files import read_episode
+from pytest_drive_robust.store.lookup import stored_episodes
 
 _OFFICIAL = "bench2drive"
 _WRITERS: Mapping[str, Callable[[Run, Path], Iterable[Path]]] = {
@@ -98,9 +96,11 @@ def _write(options: argparse.Namespace, chosen: Mapping[str, Any]) -> int:
 
 
 def _write_official(options: argparse.Namespace) -> int:
+    _require_folders(options.episodes)
     document = read_run_document(options.run)
+    find = stored_episodes(*map(Path, options.episodes or [project_store()]))
     towns, specs = _towns(document)
-    written = export_run(document, Path(options.folder), find=_finder(options.episodes), towns=towns)
+    written = export_run(document, Path(options.folder), find=find, towns=towns)
     for item in written:
         say(f"{item.folder}: {item.agent} under {item.setting}, seed {item.seed}: {counted(item.records, 'record')}")
         if item.broken:
@@ -135,24 +135,3 @@ def _require_folders(folders: Iterable[str]) -> None:
     for folder in folders:
         if not Path(folder).is_dir():
             raise UsageError(f"--episodes is {folder!r}, expected a folder of stored episodes.")
-
-
-def _finder(folders: list[str]) -> Find:
-    """Return a function that reads the episode `KEY.*` out of `folders`, or out of the project's store.
-
-    The function returns None for an episode that is not there and raises `UsageError` for an unreadable one.
-    """
-    _require_folders(folders)
-    places = [Path(folder) for folder in folders] or [project_store() / "episodes"]
-    paths = {path.stem: path for place in places for path in sorted(place.rglob("*.*")) if path.is_file()}
-
-    def find(key: str) -> EpisodeResult | None:
-        path = paths.get(key)
-        if path is None:
-            return None
-        try:
-            return read_episode(path)
-        except (OSError, ValueError) as error:
-            raise UsageError(f"the stored episode {str(path)!r} cannot be read: {error}.") from None
-
-    return find

@@ -16,7 +16,7 @@ from pytest_drive_robust.regression.references import StoredRuns, project_home, 
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
-from pytest_drive_robust.store.record_files import SUFFIX, read_episode
+from pytest_drive_robust.store.lookup import episode_files, stored_episode
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,10 @@ class Before:
         return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
 
     def compared_with(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
-        """Return (True when both are the same to the bit, a clause about it), or None without an earlier episode."""
+        """Return (True when both are the same to the bit, a clause about it), or None without an earlier episode.
+
+        Raises `UsageError` when files of the folder cannot be read and no other file holds the episode.
+        """
         if self.episode is not None and self.episode.episode == driven.episode:
             stored = [self.episode]
         else:
@@ -92,13 +95,10 @@ def before_of(
 
 
 def read_episode_file(name: str) -> EpisodeResult:
-    """Return the episode in a file. Raises `UsageError` when there is none."""
-    try:
-        return read_episode(Path(name))
-    except FileNotFoundError:
-        raise UsageError(f"there is no episode file {name!r}. Looked from the folder {Path.cwd()}.") from None
-    except Exception as error:
-        raise UsageError(f"{name!r} is not a stored episode: {type(error).__name__}: {error}") from error
+    """Return the episode in a file. Raises `UsageError` when there is none or it cannot be read."""
+    if not Path(name).exists():
+        raise UsageError(f"there is no episode file {name!r}. Looked from the folder {Path.cwd()}.")
+    return stored_episode(Path(name))
 
 
 def _run_file(reference: str | None) -> Path | None:
@@ -112,15 +112,23 @@ def _run_file(reference: str | None) -> Path | None:
 
 
 def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
-    """Return the stored results of the same episode in a folder, the newest first; skip damaged files."""
+    """Return the stored results of the same episode in a folder, the newest first.
+
+    A file that cannot be read does not tell which episode it holds: raises `UsageError` for one, if no other file holds
+    the episode.
+    """
     found: list[EpisodeResult] = []
-    for path in sorted(folder.rglob(f"*{SUFFIX}"), key=lambda path: path.stat().st_mtime_ns, reverse=True):
+    unreadable: UsageError | None = None
+    for path in sorted(episode_files(folder), key=lambda path: path.stat().st_mtime_ns, reverse=True):
         try:
-            result = read_episode(path)
-        except (OSError, ValueError):
+            result = stored_episode(path)
+        except UsageError as error:
+            unreadable = unreadable or error
             continue
         if result.episode == driven.episode:
             found.append(result)
+    if unreadable is not None and not found:
+        raise unreadable
     return found
 
 

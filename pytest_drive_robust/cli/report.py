@@ -18,7 +18,8 @@ from pytest_drive_robust.regression.document import snapshot_of
 from pytest_drive_robust.regression.fingerprint import parse_policy
 from pytest_drive_robust.regression.references import project_store
 from pytest_drive_robust.report.pages.folder import check_folder, write_pages
-from pytest_drive_robust.report.run_records import RunRecords, stored_episodes
+from pytest_drive_robust.report.run_records import RunRecords
+from pytest_drive_robust.store.lookup import stored_episodes
 from pytest_drive_robust.store.whole_file import refusing_unwritable
 
 _DESCRIPTION = """Writes a run as a folder of pages: verdicts, evidence, what went wrong, replays, what changed against

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 from pytest_drive_robust.errors import DriveRobustError, UsageError
@@ -17,7 +17,6 @@ from pytest_drive_robust.regression.references import BASELINES, References, pro
 from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
-from pytest_drive_robust.report.json_file import run_as_json
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.scopes import Scopes
@@ -57,10 +56,11 @@ class RegressionChecks:
             policy = self._regression.policy
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
 
-    def finish(self, run: RunResult, *, whole: bool) -> bool:
+    def finish(self, run: RunResult, document_of_run: Callable[[], Mapping[str, object]], *, whole: bool) -> bool:
         """Review the waivers, compare and store the run; return True when the run must not be green.
 
-        `whole` says that every test was selected and ran.
+        `document_of_run` builds the document of the run, which only a comparison and a stored run need. `whole` says
+        that every test was selected and ran.
         """
         self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._terms.open_fails)
         if not run.episodes:
@@ -68,7 +68,7 @@ class RegressionChecks:
         red = bool(run.late)
         if not self._regression.save and self._before is None:
             return red
-        document = run_as_json(run)
+        document = document_of_run()
         worse = self._before is not None and self._compare(self._before, document)
         if self._regression.save:
             red = self._store(document, complete=_is_complete(document), worse=worse) or red
@@ -99,7 +99,7 @@ class RegressionChecks:
             )
         return before
 
-    def _store(self, document: dict[str, object], *, complete: bool, worse: bool) -> bool:
+    def _store(self, document: Mapping[str, object], *, complete: bool, worse: bool) -> bool:
         """Store the run; return True when the run could not be stored. `worse` says that the comparison was red."""
         name = self._regression.save
         if not complete and self._holds_complete(name):
@@ -144,7 +144,7 @@ class RegressionChecks:
         except UsageError:  # damaged, or of another version: overwriting loses nothing
             return False
 
-    def _compare(self, before: Snapshot, document: dict[str, object]) -> bool:
+    def _compare(self, before: Snapshot, document: Mapping[str, object]) -> bool:
         try:
             self.comparison = compare(before, snapshot_of(document, label="this run"), self._terms)
         except DriveRobustError as error:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
-from functools import partial
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
@@ -88,11 +88,11 @@ class RunOutputs:
     def finish(
         self,
         *,
-        whole: bool = False,
-        ended_early: bool = False,
-        stopped: tuple[str, ...] = (),
-        may_fail: Container[str] = (),
-        advice: str = SELECT_TESTS,
+        whole: bool,
+        ended_early: bool,
+        stopped: tuple[str, ...],
+        may_fail: Container[str],
+        advice: str,
     ) -> bool:
         """Build the result and write the files; return True when the run must not be green although its tests passed.
 
@@ -107,20 +107,22 @@ class RunOutputs:
         run = self._run = replace(run, ended_early=ended_early, stopped_tests=stopped, late=tuple(late))
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)
+        document = cache(lambda: run_as_json(run))  # up to three outputs read it, often none
         red = self._attempt(
             "the run was not stored or compared",
-            lambda: self._checks.finish(run, whole=whole),
+            lambda: self._checks.finish(run, document, whole=whole),
         )
         compared = self._checks.comparison
-        self._write(self._options.json_path, partial(write_json, comparison=compared), run)
-        self._write(self._options.csv_path, write_csv, run)
+        self._write(self._options.json_path, lambda path: write_json(path, document(), compared))
+        self._write(self._options.csv_path, lambda path: write_csv(path, run))
         self._attempt("the step summary was not written", lambda: append_step_summary(run, os.environ, compared))
-        self._write(self._options.report_path, self._write_pages, run)  # after the comparison, which the pages show
+        # after the comparison, which the pages show
+        self._write(self._options.report_path, lambda path: self._write_pages(path, run, document()))
         return bool(red or self._problems)
 
-    def _write(self, path: Path | None, write: Callable[[Path, RunResult], None], run: RunResult) -> None:
+    def _write(self, path: Path | None, write: Callable[[Path], None]) -> None:
         if path is not None:
-            self._attempt(f"{os.fspath(path)} was not written", lambda: write(path, run))
+            self._attempt(f"{os.fspath(path)} was not written", lambda: write(path))
 
     def _attempt(self, problem: str, act: Callable[[], T]) -> T | None:
         """Return the result of `act`; when `act` raises, note `problem` and return None."""
@@ -130,13 +132,13 @@ class RunOutputs:
             self._problems.append(f"ERROR: {problem}: {_reason(error)}")
             return None
 
-    def _write_pages(self, folder: Path, run: RunResult) -> None:
+    def _write_pages(self, folder: Path, run: RunResult, document: Mapping[str, object]) -> None:
         from pytest_drive_robust.registry.registry import default_registry
         from pytest_drive_robust.report.pages.folder import write_pages  # loads jinja2
         from pytest_drive_robust.report.run_records import RunRecords
 
         registry, checks = default_registry(), self._checks
-        document, other = run_as_json(run), checks.document_before
+        other = checks.document_before
         records = RunRecords.of(document, run.episodes.get, registry, label="this run")
         before = None
         if other is not None and checks.comparison is not None:

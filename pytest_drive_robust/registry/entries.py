@@ -52,11 +52,8 @@ class PartialFactory(functools.partial[Any]):
         """The files and folders that the factory names in `weights`, and the existing paths among its parameters."""
         said = vars(self)
         named: Any = said["weights"] if "weights" in said else getattr(self.func, "weights", None)
-        chosen = [value for value in self._given().values() if _is_there(value)]
-        if not chosen or not isinstance(named, (list, tuple, str, os.PathLike, type(None))):
-            return named
-        several = list(named) if isinstance(named, (list, tuple)) else [] if named is None else [named]
-        return [*several, *chosen]
+        chosen = [value for value in self._given().values() if is_there(value)]
+        return [*listed(named), *chosen] if chosen else named
 
     def check(self) -> None:
         """Call the factory's own `check`, if any, with the given parameters that `check` takes."""
@@ -76,7 +73,18 @@ class ConfiguredFactory(PartialFactory):
     """A factory with the options that followed the agent's name."""
 
 
-def _is_there(value: object) -> bool:
+def paths_named(owner: object) -> list[Any]:
+    """Return what a factory or an agent names in `weights`, item by item; items that are no paths as they are."""
+    return listed(getattr(owner, "weights", None))
+
+
+def listed(weights: Any) -> list[Any]:
+    """Return a value of `weights`, which is a path, a list of paths or None, as a list."""
+    return list(weights) if isinstance(weights, (list, tuple)) else [] if weights is None else [weights]
+
+
+def is_there(value: object) -> bool:
+    """Return whether a value is the path of a file or folder that exists."""
     return isinstance(value, (str, os.PathLike)) and os.path.exists(value)
 
 

@@ -17,8 +17,9 @@ from typing import Any, NamedTuple
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
-from pytest_drive_robust.regression.shape import misfit, refuse_constant
+from pytest_drive_robust.regression.shape import misfit
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot
+from pytest_drive_robust.store.json_reader import read_json
 
 SCHEMA = 1
 """The version of the file format. Increase it when a key changes its meaning or goes away."""
@@ -94,9 +95,12 @@ def baseline_file(folder: Path, agent: str) -> Path:
 
 def read_baseline(path: Path) -> Baseline:
     """Read the baseline in `path`. Raises `UsageError` for a file that is no baseline."""
+    return checked_baseline(read_json(path, name=f"the baseline {str(path)!r}"), path)
+
+
+def checked_baseline(document: Any, path: Path) -> Baseline:
+    """Return the baseline in the value that was read from `path`. Raises `UsageError` for one that is no baseline."""
     try:
-        text = path.read_text(encoding="utf-8")
-        document = json.loads(text, object_pairs_hook=_without_twins, parse_constant=refuse_constant)
         schema = document.get("schema", SCHEMA) if isinstance(document, dict) else SCHEMA
         if schema != SCHEMA:
             raise UsageError(f"{str(path)!r} has schema {schema!r}, this version reads {SCHEMA}.")
@@ -110,21 +114,8 @@ def read_baseline(path: Path) -> Baseline:
             for route_id, item in routes.items()
         }
         return Baseline(document["agent"], blessings, routes)
-    except OSError as error:
-        raise UsageError(f"the baseline {str(path)!r} cannot be read: {error.strerror}.") from None
     except (TypeError, ValueError, RecursionError) as error:
         raise UsageError(f"{str(path)!r} is not a baseline: {type(error).__name__}: {error}.") from None
-
-
-def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object as a dictionary. Raises `ValueError` for a repeated key, whose last value would win.
-
-    After a git merge that kept both sides of a conflict, each changed route occurs twice, with the old and new score.
-    """
-    twice = [key for key, count in Counter(key for key, _ in pairs).items() if count > 1]
-    if twice:
-        raise ValueError(f"{twice[0]!r} stands there twice, as after a merge that kept both sides: remove one")
-    return dict(pairs)
 
 
 def _free(name: str, blessing: Blessing, taken: Mapping[str, Blessing]) -> str:

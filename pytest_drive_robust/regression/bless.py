@@ -88,23 +88,12 @@ def _require_acceptable(run: Snapshot, signature: Blessing, environ: Mapping[str
         )
     if not signature.reason.strip():
         raise UsageError('a baseline needs a reason, as in --reason "new planner, see #12".')
-    broken = [f"{cell.name} on {told}" for cell in run.cells.values() for told in cell.broken]
-    if broken:
-        others = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+    if run.lacks:
+        raise UsageError(f"{run.label} is incomplete: {run.lacks}. It cannot become a baseline: run its command again.")
+    if run.left_out:
         raise UsageError(
-            f"{run.label} is incomplete: {broken[0]}{others}. It cannot become a baseline: run its command again."
-        )
-    stopped = [f"{routes} under {cell.setting}" for cell in run.cells.values() for routes in cell.stopped]
-    if stopped:
-        others = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
-        raise UsageError(
-            f"{run.label} was driven only until its verdicts were clear, on {stopped[0]}{others}: later runs cannot be "
+            f"{run.label} was driven only until its verdicts were clear, on {run.left_out}: later runs cannot be "
             "judged against that. Drive it with --drive-save, or with --drive-verdict=point."
-        )
-    if run.ended_early:
-        raise UsageError(
-            f"{run.label} is incomplete: not all of its tests came to their verdicts. It cannot become a baseline: run "
-            "its command again."
         )
     if not any(cell.routes for cell in run.cells.values()):
         raise UsageError(f"{run.label} holds no score to bless.")

@@ -10,10 +10,11 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult, merged_versions
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
-from pytest_drive_robust.regression.shape import misfit, refuse_constant
+from pytest_drive_robust.regression.shape import misfit
 from pytest_drive_robust.regression.snapshot import Cell, CellKey, RouteScore, Snapshot, Taken
 from pytest_drive_robust.simulators.routes import ships
 from pytest_drive_robust.store.episode_fields import result_of
+from pytest_drive_robust.store.json_reader import read_json
 from pytest_drive_robust.verdict.explain import describe_outcome
 
 SCHEMA = 1
@@ -48,14 +49,11 @@ def json_text(document: Mapping[str, object]) -> str:
 
 def read_document(path: Path) -> dict[str, Any]:
     """Read the document in `path`. Raises `UsageError` for a file that is no run or has another schema."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse_constant)
-    except OSError as error:
-        raise UsageError(f"the run {str(path)!r} cannot be read: {error.strerror}.") from None
-    except ValueError as error:
-        raise UsageError(f"the run {str(path)!r} is not valid JSON: {error}.") from None
-    except RecursionError as error:
-        raise damaged(str(path), error) from None
+    return checked_document(read_json(path, name=f"the run {str(path)!r}"), path)
+
+
+def checked_document(document: Any, path: Path) -> dict[str, Any]:
+    """Return the value that was read from `path`. Raises `UsageError` for one that is no run or has another schema."""
     if not isinstance(document, dict) or any(name not in document for name in _PARTS):
         raise UsageError(f"{str(path)!r} is not a run: expected a file written by --drive-save or --drive-json.")
     if document.get("schema") != SCHEMA:

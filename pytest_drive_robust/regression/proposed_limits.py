@@ -47,12 +47,11 @@ def propose_limits(
     a test that a verdict stopped or episodes without a score, or has verdicts that were reached without some of the
     routes.
     """
-    cells = {
-        Setting.parse(setting, perturbations): cell for (driven, setting), cell in run.cells.items() if driven == agent
-    }
-    if not cells:
+    driven = run.of_agent(agent)
+    if not driven.cells:
         raise UnknownNameError.of("agent", agent, run.agents, hint=f"The run is {run.label!r}.")
-    _require_whole(run, agent, cells)
+    _require_whole(driven)
+    cells = {Setting.parse(cell.setting, perturbations): cell for cell in driven.cells.values()}
     proposed = [_proposed(setting, cells, rule) for setting in cells]
     found = sorted(filter(None, proposed), key=lambda item: item.requirement.needs_clean)
     if not found:
@@ -78,11 +77,10 @@ def kept_requirements(
     return tuple(dict.fromkeys(sentences))
 
 
-def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> None:
-    if run.ended_early:
+def _require_whole(run: Snapshot) -> None:
+    if run.lacks:
         raise UsageError(
-            f"the run {run.label!r} is incomplete: not all of its tests came to their verdicts, so requirements "
-            "are missing. Such a run gives no limits: run its command again."
+            f"the run {run.label!r} is incomplete: {run.lacks}. Such a run gives no limits: run its command again."
         )
     if run.stopped_tests:
         raise UsageError(
@@ -90,19 +88,10 @@ def _require_whole(run: Snapshot, agent: str, cells: Mapping[Setting, Cell]) -> 
             "after that may be missing. Such a run gives no limits: give each requirement a test or a subtest of its "
             "own, and run its command again."
         )
-    broken = [f"{setting} on {told}" for setting, cell in cells.items() for told in cell.broken]
-    if broken:
-        more = f" (and {len(broken) - 1} more)" if len(broken) > 1 else ""
+    if run.left_out:
         raise UsageError(
-            f"the run {run.label!r} is incomplete: {agent} under {broken[0]}{more}. Such a run gives no limits: run "
-            "its command again."
-        )
-    stopped = [f"{told} under {setting}" for setting, cell in cells.items() for told in cell.stopped]
-    if stopped:
-        more = f" (and {len(stopped) - 1} more)" if len(stopped) > 1 else ""
-        raise UsageError(
-            f"the run {run.label!r} was driven only until its verdicts were clear: {agent} on {stopped[0]}{more}. Its "
-            "limits decided which routes it drove, so it gives no new limits. Drive it with --drive-save or "
+            f"the run {run.label!r} was driven only until its verdicts were clear, on {run.left_out}. Its limits "
+            "decided which routes it drove, so it gives no new limits. Drive it with --drive-save or "
             "--drive-verdict=point."
         )
 

@@ -12,7 +12,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from datetime import datetime
@@ -22,9 +21,10 @@ from typing import Any
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.options.run import DEFAULT_STORE
 from pytest_drive_robust.regression import clock, git
-from pytest_drive_robust.regression.baselines import blessed_snapshot, read_baseline
-from pytest_drive_robust.regression.document import json_text, read_document, snapshot_of
+from pytest_drive_robust.regression.baselines import Baseline, blessed_snapshot, checked_baseline, read_baseline
+from pytest_drive_robust.regression.document import checked_document, json_text, read_document, snapshot_of
 from pytest_drive_robust.regression.snapshot import Snapshot
+from pytest_drive_robust.store.json_reader import read_json
 from pytest_drive_robust.store.record_files import hide_from_git
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -191,11 +191,17 @@ class References:
 
     def load_run(self, reference: str) -> Snapshot:
         """Return the snapshot of a whole run, as `load` does. Raises `UsageError` also for a baseline."""
-        path = Path(reference)
-        if reference == AUTO or reference.partition(":")[0] == _BASELINE or (path.is_file() and _is_baseline(path)):
-            what = "may stand for a baseline" if reference == AUTO else "is a baseline"
-            raise UsageError(f"{reference!r} {what}, expected a run. `drive-robust runs list` shows the runs.")
-        return self.load(reference)
+        if reference == AUTO:
+            raise _no_run(reference, "may stand for a baseline")
+        if reference.partition(":")[0] == _BASELINE:
+            raise _no_run(reference, "is a baseline")
+        path = run_file(self.runs, reference)
+        if path != Path(reference):
+            return self.stored(path.stem)
+        found = _run_or_baseline(path)
+        if isinstance(found, Baseline):
+            raise _no_run(reference, "is a baseline")
+        return snapshot_of(found, label=str(path))
 
     def document(self, reference: str) -> dict[str, Any] | None:
         """Return the whole document of a reference, or None for a baseline or a run that cannot be read."""
@@ -203,10 +209,10 @@ class References:
         if reference.partition(":")[0] == _BASELINE:
             return None
         try:
-            path = run_file(self.runs, reference)
-            return None if _is_baseline(path) else read_document(path)
+            found = _run_or_baseline(run_file(self.runs, reference))
         except UsageError:
             return None
+        return None if isinstance(found, Baseline) else found
 
     def stored(self, name: str) -> Snapshot:
         """Return the snapshot of a stored run. Raises `UsageError` when there is none or it cannot be read."""
@@ -243,17 +249,22 @@ class References:
         return blessed_snapshot(found, simulator=simulator, label=f"{_BASELINE}:{agent}" if agent else _BASELINE)
 
     def _file(self, path: Path, simulator: str | None) -> Snapshot:
-        if not path.is_file():
-            beside = [str(near) for near in path.parent.glob("*.json")]
-            raise UnknownNameError.of("run file", str(path), beside)
-        if _is_baseline(path):
-            return blessed_snapshot([read_baseline(path)], simulator=simulator, label=str(path))
-        return snapshot_of(read_document(path), label=str(path))
+        found = _run_or_baseline(path)
+        if isinstance(found, Baseline):
+            return blessed_snapshot([found], simulator=simulator, label=str(path))
+        return snapshot_of(found, label=str(path))
 
 
-def _is_baseline(path: Path) -> bool:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
-        return False  # `read_document` reports the problem
-    return isinstance(document, dict) and "blessings" in document
+def _run_or_baseline(path: Path) -> dict[str, Any] | Baseline:
+    """Return what a file holds. Raises `UsageError` for a file that is missing or holds neither."""
+    if not path.is_file():
+        beside = [str(near) for near in path.parent.glob("*.json")]
+        raise UnknownNameError.of("run file", str(path), beside)
+    document = read_json(path, name=f"the file {str(path)!r}")
+    if isinstance(document, dict) and "blessings" in document:
+        return checked_baseline(document, path)
+    return checked_document(document, path)
+
+
+def _no_run(reference: str, what: str) -> UsageError:
+    return UsageError(f"{reference!r} {what}, expected a run. `drive-robust runs list` shows the runs.")

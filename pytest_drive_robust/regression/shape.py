@@ -6,7 +6,7 @@ import functools
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 _FOLDER = Path(__file__).parents[1] / "report" / "schema"
 _MOST_CHARACTERS = 60
@@ -20,7 +20,7 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
     """Return the first place of a document that does not fit, and why, or `""` for a document that fits.
 
     `schema` names the schema, such as `"run"`. Keys that the schema does not name are not looked at. Numbers must be
-    finite: read the document with `parse_constant=refuse_constant`.
+    finite: read the document with `store.json_reader`.
 
     `'episodes[3].driving_score must be number or null, not "high"'`
     """
@@ -34,11 +34,6 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
             return f"{place} lacks {next(key for key in error.rule_definition if key not in error.value)!r}"
         return f"{place}{error.message.removeprefix(name)}, not {_shown(error.value)}"
     return ""
-
-
-def refuse_constant(name: str) -> NoReturn:
-    """Raise `ValueError` for NaN and infinity, which Python's parser takes for numbers and JSON does not."""
-    raise ValueError(f"{name} is no number of JSON")
 
 
 @functools.cache

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import fmean
 
 from pytest_drive_robust.regression.fingerprint import Fingerprint
@@ -115,9 +115,29 @@ class Snapshot:
     @property
     def is_complete(self) -> bool:
         """False when an episode has no score or the run ended before all its tests."""
-        return not (self.ended_early or any(cell.broken for cell in self.cells.values()))
+        return not self.lacks
+
+    @property
+    def lacks(self) -> str:
+        """A clause about what an incomplete run lacks, such as `"a under clean on 7, seed 0: no map (and 1 more)"`."""
+        broken = [f"{cell.name} on {told}" for cell in self.cells.values() for told in cell.broken]
+        return _first_of(broken) or ("not all of its tests came to their verdicts" if self.ended_early else "")
+
+    @property
+    def left_out(self) -> str:
+        """The routes that verdicts left out, such as `"3 of 10 routes of dev10 under clean (and 1 more)"`; or empty."""
+        return _first_of([f"{told} under {cell.setting}" for cell in self.cells.values() for told in cell.stopped])
+
+    def of_agent(self, agent: str) -> Snapshot:
+        """Return the snapshot with the cells of one agent."""
+        return replace(self, cells={key: cell for key, cell in self.cells.items() if cell.agent == agent})
 
     @property
     def agents(self) -> tuple[str, ...]:
         """The names of all agents, each once, in the order of the run."""
         return tuple(dict.fromkeys(agent for agent, _ in self.cells))
+
+
+def _first_of(told: Sequence[str]) -> str:
+    more = f" (and {len(told) - 1} more)" if len(told) > 1 else ""
+    return told[0] + more if told else ""

@@ -20,12 +20,10 @@ from pytest_drive_robust.store.whole_file import write_whole
 _SUMMARY = ("ds", "sr", "efficiency", "comfort", "abilities", "signs_between", "episodes", "agent_errors")
 
 
-def write_json(path: Path, run: RunResult, comparison: Comparison | None = None) -> None:
-    """Write the run and its comparison to `path`, which is either untouched or whole."""
-    document = run_as_json(run)
-    if comparison is not None:
-        document["comparison"] = comparison_as_json(comparison)
-    write_whole(path, json_text(document))
+def write_json(path: Path, document: Mapping[str, object], comparison: Comparison | None) -> None:
+    """Write the document of a run and its comparison to `path`, which is either untouched or whole."""
+    compared = {} if comparison is None else {"comparison": comparison_as_json(comparison)}
+    write_whole(path, json_text({**document, **compared}))
 
 
 def run_as_json(run: RunResult) -> dict[str, object]:

@@ -19,8 +19,7 @@ from pytest_drive_robust.regression.references import project_store, read_run_do
 from pytest_drive_robust.runner.before_driving import routes_of
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.base import Find
-from pytest_drive_robust.store.record import decode_episode
-from pytest_drive_robust.store.record_files import RecordFiles
+from pytest_drive_robust.store.lookup import stored_episodes
 
 T = TypeVar("T")
 S = TypeVar("S")
@@ -47,7 +46,8 @@ class RunRecords:
     def stored(cls, reference: str, registry: Registry, *, store: Path | None = None) -> RunRecords:
         """Return the run of a reference: a stored run, `"latest"` or a JSON file; its episodes come from the store.
 
-        `store` is the folder of the episodes, by default the store of the project. Raises `UsageError`.
+        `store` is the folder of the episodes, by default the store of the project. Raises `UsageError`,
+        also for a stored episode that cannot be read.
         """
         document = read_run_document(reference)
         stored = document.get("stored")
@@ -139,20 +139,6 @@ def _result(episode: Episode, item: Mapping[str, Any], find: Find) -> EpisodeRes
     if stored is not None and (stored.episode, stored.end.value, stored.trace.digest) == said:
         return stored
     return episode_of(item)
-
-
-def stored_episodes(folder: Path) -> Find:
-    """Return a function that returns the episode of a key in a store, or None when it is missing or damaged."""
-    files = RecordFiles(folder)
-
-    def find(key: str) -> EpisodeResult | None:
-        try:
-            data = files.read(key)
-            return None if data is None else decode_episode(data)
-        except (OSError, ValueError):
-            return None
-
-    return find
 
 
 def _baseline(setting: str, registry: Registry) -> str:

@@ -25,7 +25,7 @@ def read_run(run: str | os.PathLike[str] = "latest", *, store: str | os.PathLike
     """Return the stored run named `run`: `"latest"`, a name given with `--drive-save`, or a file of `--drive-json`.
 
     Traces come from the store of the project, or from the folder `store`; an episode that is missing there has an empty
-    trace. Raises `UsageError` when `run` is no run or `store` is no folder.
+    trace. Raises `UsageError` when `run` is no run, `store` no folder, or an episode in it cannot be read.
     """
     folder = None if store is None else Path(store)
     if folder is not None and not folder.is_dir():

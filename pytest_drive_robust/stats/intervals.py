@@ -1,6 +1,6 @@
 """Two-sided confidence intervals whose unit of analysis is the route: average the seeds of a route first.
 
-All intervals are closed forms, so equal values give equal intervals; a `confidence` outside 0..1 raises `ValueError`.
+All intervals are closed forms, so equal values give equal intervals. Their confidence is 0.95 where none is asked for.
 The intervals by Student's t (`mean_interval`, `ratio_interval`, `jackknife_interval`) cannot estimate a spread from one
 route and then return the whole range of the quantity, `bounds`. Student's t reads zero spread as certainty: 24 routes
 with a score of 100 give 100..100. The other intervals do not.
@@ -25,13 +25,12 @@ from pytest_drive_robust.stats.quantiles import normal_quantile, student_t_quant
 
 _EVERYTHING = (-math.inf, math.inf)
 _LARGEST_RD = 1.0
+_CONFIDENCE = 0.95
 _STEPS = 36
 _FARTHEST = 1e6
 
 
-def mean_interval(
-    values: Sequence[float], confidence: float = 0.95, *, bounds: tuple[float, float] = _EVERYTHING
-) -> tuple[float, float]:
+def mean_interval(values: Sequence[float], *, bounds: tuple[float, float] = _EVERYTHING) -> tuple[float, float]:
     """Return Student's t interval of the mean of `values` (one per route), cut to `bounds`.
 
     Contains the mean of `values`. One value gives `bounds`. Raises `ComparisonError` for no value.
@@ -41,10 +40,10 @@ def mean_interval(
         return bounds
     centre = fsum(values) / count
     variance = fsum((value - centre) ** 2 for value in values) / (count - 1)
-    return _around(centre, _t_quantile(confidence, count - 1) * math.sqrt(variance / count), bounds)
+    return _around(centre, _t_quantile(_CONFIDENCE, count - 1) * math.sqrt(variance / count), bounds)
 
 
-def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+def share_interval(values: Sequence[float]) -> tuple[float, float]:
     """Return Wilson's score interval of a success rate; `values` are 0..1, one per route.
 
     The interval keeps a width when every route succeeded or failed: 24 of 24 give 0.86..1.00. For routes with several
@@ -53,14 +52,14 @@ def share_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[f
     """
     count = _require_values(values)
     share = fsum(values) / count
-    z = normal_quantile(0.5 + _require_confidence(confidence) / 2.0)
+    z = normal_quantile(0.5 + _CONFIDENCE / 2.0)
     weight = z * z / count
     centre = (share + weight / 2.0) / (1.0 + weight)
     half = math.sqrt(share * (1.0 - share) * weight + weight * weight / 4.0) / (1.0 + weight)
     return max(0.0, min(share, centre - half)), min(1.0, max(share, centre + half))
 
 
-def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+def ratio_interval(clean: Sequence[float], perturbed: Sequence[float]) -> tuple[float, float]:
     """Return Fieller's interval of RD = 1 - mean(perturbed) / mean(clean), paired: one value per route, same order.
 
     The interval holds every threshold that the paired t test on `P - (1 - threshold) * C` does not reject; that
@@ -89,7 +88,7 @@ def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidenc
     rd = 1.0 - ratio
     residuals = [after - ratio * before for before, after in zip(clean, perturbed, strict=True)]
     deviations = [before - clean_mean for before in clean]
-    scale = _t_quantile(confidence, count - 1) ** 2 / (count * (count - 1))
+    scale = _t_quantile(_CONFIDENCE, count - 1) ** 2 / (count * (count - 1))
     spread = scale * fsum(residual * residual for residual in residuals)
     shared = scale * fsum(residual * deviation for residual, deviation in zip(residuals, deviations, strict=True))
     certainty = clean_mean**2 - scale * fsum(deviation * deviation for deviation in deviations)
@@ -102,13 +101,17 @@ def ratio_interval(clean: Sequence[float], perturbed: Sequence[float], confidenc
 
 
 def jackknife_interval(
-    value: float, without_route: Sequence[float], confidence: float = 0.95, *, bounds: tuple[float, float] = _EVERYTHING
+    value: float,
+    without_route: Sequence[float],
+    confidence: float = _CONFIDENCE,
+    *,
+    bounds: tuple[float, float] = _EVERYTHING,
 ) -> tuple[float, float]:
     """Return the jackknife t interval of any smooth statistic; of a mean it is `mean_interval`.
 
     `value` is the statistic over all routes, `without_route` the statistic with one route left out, one per route.
-    One route gives `bounds`. Source: Efron and Tibshirani 1993, "An introduction to the bootstrap",
-    chapter 11.
+    One route gives `bounds`. Source: Efron and Tibshirani 1993, "An introduction to the bootstrap", chapter 11. Raises
+    `ValueError` for a `confidence` outside 0..1.
     """
     count = len(without_route)
     if count < 2:

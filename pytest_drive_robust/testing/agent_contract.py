@@ -25,7 +25,7 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, first_difference_seen
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
-from pytest_drive_robust.testing.report import Check, ContractReport, attempt
+from pytest_drive_robust.testing.report import Broken, Check, ContractReport, attempt
 from pytest_drive_robust.testing.time_limit import with_time_limit
 
 _EPISODE_TICKS = 120
@@ -96,7 +96,7 @@ class _Trial:
             if not check.ok:
                 return
         self.truth: GroundTruth = self.simulator.truth()
-        yield self.time()
+        yield self.attempt(self.time)
         yield (same := self.attempt(self.determinism))
         self.repeats = same.ok
         compared = (self.reset, self.isolation, self.consumes, self.privileged)
@@ -104,7 +104,7 @@ class _Trial:
         for promise in (*compared, self.plan, self.lockstep) if same.ok else (self.plan,):
             yield self.attempt(promise)
 
-    def attempt(self, promise: Callable[[], Check]) -> Check:
+    def attempt(self, promise: Callable[[], str]) -> Check:
         """Return the check of one promise. An exception of the agent fails this check and does not end the others."""
         try:
             return attempt("the agent", promise)
@@ -115,98 +115,98 @@ class _Trial:
         """Return one whole episode on the route of the trial."""
         return drive(agent, self.simulator, route=self.route, seed=seed)
 
-    def methods(self) -> Check:
+    def methods(self) -> str:
         """Check that the factory gives an object with the three methods."""
         try:
             agent = self.make()
         except BLAMED as error:
-            return Check("methods", False, f"{blame('the factory', error)}.")
+            raise Broken(f"{blame('the factory', error)}.") from None
         missing = [name for name in _METHODS if not callable(getattr(agent, name, None))]
         if missing:
-            return Check("methods", False, f"{type(agent).__name__} lacks {', '.join(missing)}.")
-        return Check("methods", True, "sensors, reset and act are there.")
+            raise Broken(f"{type(agent).__name__} lacks {', '.join(missing)}.")
+        return "sensors, reset and act are there."
 
-    def declarations(self) -> Check:
+    def declarations(self) -> str:
         """Check `consumes` (names of signals), `privileged` (a bool), and that keys can have all other declarations."""
         agent = self.make()
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
-            return Check("declarations", False, f"privileged is {privileged!r}, expected True or False.")
+            raise Broken(f"privileged is {privileged!r}, expected True or False.")
         declared: object = getattr(agent, "consumes", SIGNALS)
         if isinstance(declared, str) or not hasattr(declared, "__iter__"):
-            return Check("declarations", False, f"consumes is {declared!r}, expected names out of {_KNOWN}.")
+            raise Broken(f"consumes is {declared!r}, expected names out of {_KNOWN}.")
         unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
         if unknown:
-            return Check("declarations", False, f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
+            raise Broken(f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
         # a lambda around the class is only part of this check, so declarations of the class count as well
         late = sorted({*undeclared(agent, self.factory)} & {*undeclared(agent, type(agent))})
         if late:
             told = f"{' and '.join(late)} of the object are not those of the class or factory: no key has them."
-            return Check("declarations", False, f"{told} Set them in the body of the class, not in __init__.")
+            raise Broken(f"{told} Set them in the body of the class, not in __init__.")
         try:
             for owner in (type(agent), self.factory):
                 weights_digest(owner, agent=type(agent).__name__)
         except UsageError as error:
-            return Check("declarations", False, str(error))
-        return Check("declarations", True, f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}.")
+            raise Broken(str(error)) from None
+        return f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}."
 
-    def controls(self) -> Check:
+    def controls(self) -> str:
         """Check a recorded episode: no exception, NaN, wrong type, value out of range or impossible camera."""
         self.record, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
-            return _broken("controls", "", result)
-        return Check("controls", True, f"{len(self.record.controls)} controls, every one within its ranges.")
+            raise _broken("", result)
+        return f"{len(self.record.controls)} controls, every one within its ranges."
 
-    def time(self) -> Check:
+    def time(self) -> str:
         """Report how long `act` takes; fail only if an episode would take hours."""
         acts_s = self.record.acts_s
         mean_s, worst_s = sum(acts_s) / len(acts_s), max(acts_s)
         sentence = f"act takes {1000.0 * mean_s:.3f} ms on average, {1000.0 * worst_s:.3f} ms at most."
         if mean_s > _SLOWEST_ACT_S:
-            return Check("time", False, f"{sentence} More than {_SLOWEST_ACT_S:g} s: an episode would take hours.")
-        return Check("time", True, sentence)
+            raise Broken(f"{sentence} More than {_SLOWEST_ACT_S:g} s: an episode would take hours.")
+        return sentence
 
-    def determinism(self) -> Check:
+    def determinism(self) -> str:
         """Check that two new agents with the same seed drive the same."""
         again, result = self.drive(self.make(), self.seed)
         if result.outcome in _BROKEN:
-            return _broken("determinism", f"a second agent with seed {self.seed} breaks: ", result)
+            raise _broken(f"a second agent with seed {self.seed} breaks: ", result)
         tick = first_difference(self.record.controls, again.controls)
         if tick is not None:
             advice = (
                 "Draw all randomness from the seed that reset gets, read no clock, keep nothing outside the object."
             )
-            return Check("determinism", False, f"two agents with seed {self.seed} differ from act {tick} on. {advice}")
-        return Check("determinism", True, f"two agents with seed {self.seed} drive the same.")
+            raise Broken(f"two agents with seed {self.seed} differ from act {tick} on. {advice}")
+        return f"two agents with seed {self.seed} drive the same."
 
-    def reset(self) -> Check:
+    def reset(self) -> str:
         """Check that an agent object drives like a new one after another episode, and again after the same episode."""
         agent = self.make()
         _, result = drive(agent, self.simulator, route=self.other, seed=self.seed + 1)
         if result.outcome in _BROKEN:
-            return _broken("reset", f"an episode on {self.other.label} breaks: ", result)
+            raise _broken(f"an episode on {self.other.label} breaks: ", result)
         for before in (f"an episode on {self.other.label}", "the same episode"):
             again, result = self.drive(agent, self.seed)
             if result.outcome in _BROKEN:
-                return _broken("reset", f"after {before} the next one breaks: ", result)
+                raise _broken(f"after {before} the next one breaks: ", result)
             tick = first_difference(self.record.controls, again.controls)
             if tick is not None:
                 told = f"after {before} the agent still remembers it: from act {tick} on it differs from a new agent"
                 advice = "Set in reset every attribute that reset or act changes, also the caches and the hidden state."
-                return Check("reset", False, f"{told}. {advice}")
-        return Check("reset", True, "after other episodes and reset, the agent drives like a new one.")
+                raise Broken(f"{told}. {advice}")
+        return "after other episodes and reset, the agent drives like a new one."
 
-    def isolation(self) -> Check:
+    def isolation(self) -> str:
         """Check that the recorded controls, replayed, lead to the same observations: the agent changed nothing else."""
         script = ScriptedAgent(self.record.controls, cameras=self.record.sensors())
         replayed, _ = self.drive(script, self.seed)
         tick = first_difference_seen(self.record.observations, replayed.observations)
         if tick is not None:
             told = f"something that the agent wrote to changed what is seen in tick {tick}: write to copies"
-            return Check("isolation", False, f"{told}.")
-        return Check("isolation", True, "the agent changes the world by its controls only.")
+            raise Broken(f"{told}.")
+        return "the agent changes the world by its controls only."
 
-    def consumes(self) -> Check:
+    def consumes(self) -> str:
         """Check that signals that are not declared do not change the controls."""
         agent = self.make()
         others = [signal for signal in SIGNALS if signal not in consumed_signals(agent)]
@@ -214,73 +214,73 @@ class _Trial:
         for signal in others:
             tick = first_difference(expected, self.feed(_CHANGES[signal]))
             if tick is not None:
-                return Check("consumes", False, f"{signal} changes the control of act {tick}: declare it in consumes.")
+                raise Broken(f"{signal} changes the control of act {tick}: declare it in consumes.")
         if not others:
-            return Check("consumes", True, "every signal is declared.")
+            return "every signal is declared."
         reach = "reach" if len(others) > 1 else "reaches"
-        return Check("consumes", True, f"{', '.join(others)} {reach} no control, as declared.")
+        return f"{', '.join(others)} {reach} no control, as declared."
 
-    def privileged(self) -> Check:
+    def privileged(self) -> str:
         """Check that ground truth changes the controls of a privileged agent, and of no other agent."""
         if not getattr(self.make(), "privileged", False):
             with_truth = self.feed(lambda observation: replace(observation, truth=self.truth))
             if first_difference(self.feed(), with_truth) is not None:
-                return Check("privileged", False, "the agent reads observation.truth: declare privileged = True.")
-            return Check("privileged", True, "the agent does without ground truth.")
+                raise Broken("the agent reads observation.truth: declare privileged = True.")
+            return "the agent does without ground truth."
         try:
             blind = self.feed(lambda observation: replace(observation, truth=None))
         except AgentError:
-            return Check("privileged", True, "the agent needs the ground truth that it asks for.")
+            return "the agent needs the ground truth that it asks for."
         if first_difference(self.record.controls, blind) is None:
-            return Check("privileged", False, "the same is driven without ground truth: remove privileged = True.")
-        return Check("privileged", True, "the agent uses the ground truth that it asks for.")
+            raise Broken("the same is driven without ground truth: remove privileged = True.")
+        return "the agent uses the ground truth that it asks for."
 
-    def plan(self) -> Check:
+    def plan(self) -> str:
         """Check that `plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
         agent = self.make()
         plan = getattr(agent, "plan", None)
         if plan is None:
-            return Check("plan", True, "there is no plan() to show, and none is needed.")
+            return "there is no plan() to show, and none is needed."
         feed(agent, self.record.observations[:1], plan=self.route_plan, seed=self.seed)
         try:
             planned: object = plan()
         except BLAMED as error:
-            return Check("plan", False, f"{blame('plan', error)}.")
+            raise Broken(f"{blame('plan', error)}.") from None
         if not isinstance(planned, PlannedPath):
-            return Check("plan", False, f"plan returned {type(planned).__name__}, expected a PlannedPath.")
+            raise Broken(f"plan returned {type(planned).__name__}, expected a PlannedPath.")
         count = 0
         for name in ("path", "target_points", "speed_points"):
             points = getattr(planned, name)
             try:
                 finite, count = all(math.isfinite(value) for point in points for value in point), count + len(points)
             except TypeError:
-                return Check("plan", False, f"plan returned the {name} {points!r}, expected rows of numbers.")
+                raise Broken(f"plan returned the {name} {points!r}, expected rows of numbers.") from None
             if not finite:
-                return Check("plan", False, f"plan returned a point of {name} that is not finite.")
+                raise Broken(f"plan returned a point of {name} that is not finite.")
         tick = first_difference(self.record.controls, self.feed(after_act=agent_plan)) if self.repeats else None
         if tick is not None:
             told = f"plan changes the control of act {tick}: it is for pictures, and not asked in every tick"
-            return Check("plan", False, f"{told}. Let it return what act has kept.")
-        return Check("plan", True, f"plan gives {count} points.")
+            raise Broken(f"{told}. Let it return what act has kept.")
+        return f"plan gives {count} points."
 
-    def lockstep(self) -> Check:
+    def lockstep(self) -> str:
         """Check that `act_batch`, where there is one, agrees with `act`, and no control depends on other agents."""
         agents = [self.make() for _ in range(_LOCKSTEP_ROWS)]
         if not offers_lockstep(agents[0]):
-            return Check("lockstep", True, "there is no act_batch(), and none is needed.")
+            return "there is no act_batch(), and none is needed."
         seen = self.record.observations[:: max(len(self.record.observations) // _LOCKSTEP_OBSERVATIONS, 1)]
         recording = Recording(self.route_plan, self.seed, tuple(seen))
         problem = check_lockstep(self.make, [recording])
         if problem is not None:
-            return Check("lockstep", False, problem)
+            raise Broken(problem)
         singly = feed(self.make(), seen, plan=recording.plan, seed=self.seed)
         for agent in agents:
             agent.reset(recording.plan, self.seed)
         together = [agent_act_batch(agents, [moment.private() for _ in agents])[0] for moment in seen]
         for tick, one, other in zip((moment.tick for moment in seen), singly, together, strict=True):
             if isinstance(other, AgentError) or _distance(one, other) > _SAME_POLICY:
-                return Check("lockstep", False, f"in tick {tick} act gives {one}, but act_batch gives {other}.")
-        return Check("lockstep", True, "act_batch drives like act, and no control depends on who shares the batch.")
+                raise Broken(f"in tick {tick} act gives {one}, but act_batch gives {other}.")
+        return "act_batch drives like act, and no control depends on who shares the batch."
 
     def feed(
         self,
@@ -299,10 +299,10 @@ class _Trial:
         return self.record.plan
 
 
-def _broken(name: str, when: str, result: EpisodeResult) -> Check:
-    """Return the failed check of an episode that broke, with where and why."""
+def _broken(when: str, result: EpisodeResult) -> Broken:
+    """Return the error for an episode that broke, with where and why."""
     told = f"{when}tick {result.ticks}: {result.end_detail}."
-    return Check(name, False, told, of_simulator=result.outcome is Outcome.INFRA_ERROR)
+    return Broken(told, of_simulator=result.outcome is Outcome.INFRA_ERROR)
 
 
 def _distance(one: Control, other: Control) -> float:

@@ -24,7 +24,7 @@ from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_n
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, first_difference_seen, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
-from pytest_drive_robust.testing.report import Check, ContractReport, attempt
+from pytest_drive_robust.testing.report import Broken, Check, ContractReport, attempt
 
 _OURS = "the perturbation"
 _TICKS = 80
@@ -71,43 +71,43 @@ def _checks(perturbation: Perturbation, seed: int) -> Iterator[Check]:
         yield attempt(_OURS, _determinism, perturbation, clean, seed, done)
 
 
-def _class(perturbation: Perturbation) -> Check:
+def _class(perturbation: Perturbation) -> str:
     kind = type(perturbation)
     if isinstance(perturbation, type):
-        return Check("class", False, f"{perturbation.__name__} is a class, expected an object of it: add the brackets.")
+        raise Broken(f"{perturbation.__name__} is a class, expected an object of it: add the brackets.")
     if not isinstance(perturbation, Perturbation):
-        return Check("class", False, f"{kind.__name__} does not inherit from Perturbation.")
+        raise Broken(f"{kind.__name__} does not inherit from Perturbation.")
     if "__dataclass_fields__" not in vars(kind):
-        return Check("class", False, f"{kind.__name__} is not a dataclass: write @dataclass above the class.")
+        raise Broken(f"{kind.__name__} is not a dataclass: write @dataclass above the class.")
     try:
         check_severities_are_fields(kind)
     except PerturbationError as error:
-        return Check("class", False, f"{error}")
+        raise Broken(f"{error}") from None
     if not kind.phrase:
         told = f"{kind.__name__} has no phrase, so that requirements call it {str(perturbation)!r}"
-        return Check("class", False, f"{told}: give it one, with its severities in braces.")
-    return Check("class", True, "it is a dataclass with a phrase.")
+        raise Broken(f"{told}: give it one, with its severities in braces.")
+    return "it is a dataclass with a phrase."
 
 
-def _seams(kind: type[Perturbation]) -> Check:
+def _seams(kind: type[Perturbation]) -> str:
     changed = [name for name in _SEAMS if getattr(kind, name) is not getattr(Perturbation, name)]
     if changed:
-        return Check("seams", True, f"it has {' and '.join(changed)}.")
+        return f"it has {' and '.join(changed)}."
     hint = next((did_you_mean(name, _SEAMS) for name in vars(kind) if nearest(name, _SEAMS)), "")
-    return Check("seams", False, f"{kind.__name__} changes nothing: it has none of {', '.join(_SEAMS)}.{hint}")
+    raise Broken(f"{kind.__name__} changes nothing: it has none of {', '.join(_SEAMS)}.{hint}")
 
 
-def _sentence(perturbation: Perturbation) -> Check:
+def _sentence(perturbation: Perturbation) -> str:
     try:
         check_sentences(type(perturbation), ())
         sentence = str(Setting.of(perturbation))
         parsed = Setting.parse(sentence, {"under test": type(perturbation)})
     except UsageError as error:
-        return Check("sentence", False, f"{error}")
+        raise Broken(f"{error}") from None
     if parsed != Setting.of(perturbation):
         advice = "show every severity in the phrase by its exact value"
-        return Check("sentence", False, f"{sentence!r} is read back as {str(parsed)!r}: {advice}.")
-    return Check("sentence", True, f"{sentence!r} is read back as the same setting.")
+        raise Broken(f"{sentence!r} is read back as {str(parsed)!r}: {advice}.")
+    return f"{sentence!r} is read back as the same setting."
 
 
 def _clean_drive(seed: int) -> list[Observation]:
@@ -161,19 +161,19 @@ def _episode(
     return done
 
 
-def _isolation(before: list[str], clean: list[Observation]) -> Check:
+def _isolation(before: list[str], clean: list[Observation]) -> str:
     tick = first_difference(before, [observation_digest(observation) for observation in clean])
     if tick is not None:
-        return Check("isolation", False, f"observe wrote into the observation of tick {tick}: work on a copy.")
-    return Check("isolation", True, "observe leaves its argument as it was.")
+        raise Broken(f"observe wrote into the observation of tick {tick}: work on a copy.")
+    return "observe leaves its argument as it was."
 
 
-def _observations(clean: list[Observation], seen: list[Observation]) -> Check:
+def _observations(clean: list[Observation], seen: list[Observation]) -> str:
     for tick, (given, got) in enumerate(zip(clean, seen, strict=True)):
         problem = _problem_seen(given, got)
         if problem is not None:
-            return Check("observations", False, f"tick {tick}: {problem}.")
-    return Check("observations", True, "every image keeps its shape and type, every signal is finite.")
+            raise Broken(f"tick {tick}: {problem}.")
+    return "every image keeps its shape and type, every signal is finite."
 
 
 def _problem_seen(given: Observation, got: Observation) -> str | None:
@@ -198,48 +198,48 @@ def _problem_seen(given: Observation, got: Observation) -> str | None:
     return None
 
 
-def _inference(done: _Drive) -> Check:
+def _inference(done: _Drive) -> str:
     for tick, wanted in enumerate(done.wanted):
         if not is_yes_or_no(wanted):
             told = f"tick {tick}: wants_inference gave {wanted!r}, expected True or False"
-            return Check("inference", False, f"{told}: is there a return in every branch?")
-    return Check("inference", True, f"the agent may be asked in {sum(map(bool, done.wanted))} of {_TICKS} ticks.")
+            raise Broken(f"{told}: is there a return in every branch?")
+    return f"the agent may be asked in {sum(map(bool, done.wanted))} of {_TICKS} ticks."
 
 
-def _schedule(done: _Drive) -> Check:
+def _schedule(done: _Drive) -> str:
     given = done.schedule
     if not isinstance(given, Iterable):
-        return Check("schedule", False, f"schedule gave {given!r}, expected a tuple of Injection objects.")
+        raise Broken(f"schedule gave {given!r}, expected a tuple of Injection objects.")
     injections = tuple(given)
     for item in injections:
         if not isinstance(item, Injection):
-            return Check("schedule", False, f"schedule gave {item!r}, expected Injection objects.")
-    return Check("schedule", True, f"{len(injections)} injections are noted for the record.")
+            raise Broken(f"schedule gave {item!r}, expected Injection objects.")
+    return f"{len(injections)} injections are noted for the record."
 
 
-def _controls(applied: list[Control], answered: list[Control | None]) -> Check:
+def _controls(applied: list[Control], answered: list[Control | None]) -> str:
     for tick, control in enumerate(applied):
         problem = control.problem() if isinstance(control, Control) else f"{control!r} is not a Control"
         if problem is not None:
-            return Check("controls", False, f"tick {tick}: {problem}.")
+            raise Broken(f"tick {tick}: {problem}.")
     if answered and not any(answered):  # in a run this is a link that drops every command
         told = f"actuate gave None in all {len(answered)} ticks in which it got a control"
-        return Check("controls", False, f"{told}: is there a return in every branch?")
-    return Check("controls", True, "every control is within its ranges.")
+        raise Broken(f"{told}: is there a return in every branch?")
+    return "every control is within its ranges."
 
 
-def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int, done: _Drive) -> Check:
+def _determinism(perturbation: Perturbation, clean: list[Observation], seed: int, done: _Drive) -> str:
     _episode(perturbation, clean, seed + 1)  # an episode in between must leave no trace
     tick = _first_difference(done, _episode(perturbation, clean, seed))
     if tick is not None:
         advice = "draw from (seed, route, stream, sensor, tick) only, and keep no state but what reset builds"
-        return Check("determinism", False, f"the same episode differs from tick {tick} on: {advice}.")
+        raise Broken(f"the same episode differs from tick {tick} on: {advice}.")
     if not getattr(perturbation, "measures_inference", False):
         tick = _first_difference(done, _episode(perturbation, clean, seed, act_s=_SLOW_ACT_S))
         if tick is not None:
             told = f"the same episode differs from tick {tick} on where act takes longer"
-            return Check("determinism", False, f"{told}: decide nothing by inference_s, which is never the same twice.")
-    return Check("determinism", True, "the same episode is perturbed the same, whatever was driven before.")
+            raise Broken(f"{told}: decide nothing by inference_s, which is never the same twice.")
+    return "the same episode is perturbed the same, whatever was driven before."
 
 
 def _first_difference(one: _Drive, other: _Drive) -> int | None:

@@ -67,9 +67,23 @@ class ContractReport:
         return f"{self.subject} {'keeps' if self.ok else 'breaks'} the contract"
 
 
-def attempt(whose: str, check: Callable[..., Check], *arguments: object) -> Check:
-    """Return the result of `check`. If the code of `whose` raises, return a failed check that names the error."""
+class Broken(Exception):  # noqa: N818 - a promise is broken, which is what the check was for
+    """A promise is broken. The text says what was found, and what to do; `of_simulator` is that of `Check`."""
+
+    def __init__(self, sentence: str, *, of_simulator: bool = False) -> None:
+        super().__init__(sentence)
+        self.of_simulator = of_simulator
+
+
+def attempt(whose: str, promise: Callable[..., str], *arguments: object) -> Check:
+    """Return the check of a promise, under its own name.
+
+    The promise returns what it found, or raises `Broken`. If the code of `whose` raises, the check names the error.
+    """
+    name = promise.__name__.lstrip("_")
     try:
-        return check(*arguments)
+        return Check(name, True, promise(*arguments))
+    except Broken as broken:
+        return Check(name, False, str(broken), broken.of_simulator)
     except BLAMED as error:
-        return Check(check.__name__.lstrip("_"), False, f"{blame(whose, error)}.")
+        return Check(name, False, f"{blame(whose, error)}.")

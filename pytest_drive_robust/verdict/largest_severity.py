@@ -15,7 +15,8 @@ from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 from pytest_drive_robust.verdict.evaluate import Decide, Verdict
-from pytest_drive_robust.verdict.requirement import Requirement, known_metric
+from pytest_drive_robust.verdict.known_metrics import known_metric
+from pytest_drive_robust.verdict.requirement import Requirement
 
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]

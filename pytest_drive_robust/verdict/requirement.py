@@ -5,7 +5,6 @@ A requirement gives `stats` two linear forms of one route's scores, and the marg
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,15 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, NoReturn
 
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
-from pytest_drive_robust.errors import RequirementError, did_you_mean
-from pytest_drive_robust.metrics.table import METRICS, Metric
+from pytest_drive_robust.errors import RequirementError
+from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import ladder_of
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets, render_value
-from pytest_drive_robust.registry.registry import default_registry
-from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
+from pytest_drive_robust.perturbations.sentences import brackets
+from pytest_drive_robust.stats.evidence import LinearForms
 from pytest_drive_robust.stats.resolution import USUAL_NOISE, Advice, advise
+from pytest_drive_robust.verdict.known_metrics import known_metric
+from pytest_drive_robust.verdict.limits import DIGITS, checked_limit, lenient_limit, linear_forms
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -31,25 +31,7 @@ ANY_TICK_S = 0.05
 
 _ROUNDING = 1e-9
 """The share of a metric's range that counts as rounding: 1 - 70 / 100 is 0.30000000000000004 and meets 0.30."""
-_DIGITS = 12
-"""The decimals of a limit or margin; further ones are rounding: 0.3 + 0.1 - 0.3 is 0.10000000000000003."""
 _COMPARISONS = ("<=", ">=")
-
-
-def known_metric(name: str) -> Metric:
-    """Return the metric of that name. Raises `RequirementError` with the nearest name, or a broken plugin's error."""
-    if name in METRICS:
-        return METRICS[name]
-    names = metric_names()
-    if name not in names:
-        hint = did_you_mean(str(name), names)
-        raise RequirementError(f"there is no metric named {name!r}.{hint} Expected one of {', '.join(names)}.")
-    return Metric.from_function(name, default_registry().metric(name))
-
-
-def metric_names() -> list[str]:
-    """Return every name that `known_metric` knows, the built-in ones first."""
-    return [*METRICS, *(name for name, _ in default_registry().names("metrics") if name not in METRICS)]
 
 
 class Written(NamedTuple):
@@ -85,10 +67,10 @@ class Requirement:
 
     def __init__(self, metric: Metric | str, setting: Setting | Perturbation, comparison: str, limit: float) -> None:
         metric = metric if isinstance(metric, Metric) else known_metric(metric)
-        setting = _as_setting(setting)
+        setting = as_setting(setting)
         if comparison not in _COMPARISONS:
             raise RequirementError(f"{comparison!r} compares nothing. Expected '<=' or '>='.")
-        limit = _checked_limit(metric, comparison, limit)
+        limit = checked_limit(metric, comparison, limit)
         if metric.needs_clean and setting == setting.baseline:
             raise RequirementError(
                 f"{metric} under {setting} is always 0, because {metric} compares with {setting.baseline}. "
@@ -146,7 +128,7 @@ class Requirement:
 
         The margin is that of `verdict_rule`, cut near an end of the metric's range, see `lenient_limit`.
         """
-        return round(abs(self.lenient_limit(verdict_rule) - self.limit), _DIGITS)
+        return round(abs(self.lenient_limit(verdict_rule) - self.limit), DIGITS)
 
     def lenient_limit(self, verdict_rule: VerdictRule) -> float:
         """Return the limit beyond which a pass from evidence does not reach: the limit with the margin added."""
@@ -154,7 +136,7 @@ class Requirement:
 
     def linear_forms(self, verdict_rule: VerdictRule) -> LinearForms:
         """Return the linear forms of one route's scores that the judges of `stats` read."""
-        return _forms(self.metric, self.comparison, self.limit, verdict_rule)
+        return linear_forms(self.metric, self.comparison, self.limit, verdict_rule)
 
     def advice(self, verdict_rule: VerdictRule, routes: int) -> Advice:
         """Return the advice on what `routes` routes can show at the usual noise; `"fine"` unless by evidence."""
@@ -163,22 +145,6 @@ class Requirement:
         span = self.metric.span
         noise, margin = USUAL_NOISE * span, verdict_rule.margin * span
         return advise(routes, margin, noise, what=self.metric.name, scale=span, alpha=verdict_rule.alpha)
-
-
-def lenient_limit(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> float:
-    """Return the limit with the margin added, which a pass from evidence is better than; cut at the end of the range.
-
-    `DS >= 5` with a margin of 10 is judged against 2.5, because every agent is better than -5.
-    """
-    forms = _forms(metric, comparison, limit, verdict_rule)
-    return round(1.0 - forms.lenient_keep if forms.relative else forms.lenient_base, _DIGITS)
-
-
-def _forms(metric: Metric, comparison: str, limit: float, verdict_rule: VerdictRule) -> LinearForms:
-    margin = verdict_rule.margin * metric.span
-    if metric.needs_clean:
-        return degradation_forms(limit, margin, comparison=comparison)
-    return mean_forms(limit, comparison, margin=margin, low=metric.low, high=metric.high)
 
 
 class MarginRequirement(Requirement):
@@ -207,38 +173,8 @@ class MarginRequirement(Requirement):
         return f"{ladder.word} margin >= {level} ({self.metric} {self.comparison} {limit}{others})"
 
 
-@dataclass(frozen=True)
-class Unjudged:
-    """A metric under a setting that waits for its limit: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`."""
-
-    metric: Metric
-    setting: Setting
-
-    def __le__(self, limit: float) -> Requirement:
-        return Requirement(self.metric, self.setting, "<=", limit)
-
-    def __ge__(self, limit: float) -> Requirement:
-        return Requirement(self.metric, self.setting, ">=", limit)
-
-    def __lt__(self, limit: float) -> NoReturn:
-        raise RequirementError(f"'{self.metric} under {self.setting} < {limit}': '<' cannot be used here, write '<='.")
-
-    def __gt__(self, limit: float) -> NoReturn:
-        raise RequirementError(f"'{self.metric} under {self.setting} > {limit}': '>' cannot be used here, write '>='.")
-
-    def __bool__(self) -> NoReturn:
-        raise RequirementError(f"'{self.metric} under {self.setting}' has no limit yet. Add '<= limit' or '>= limit'.")
-
-
-def requirement(metric: str, setting: Setting | Perturbation = Setting.CLEAN) -> Unjudged:
-    """Return the object form of a sentence: `requirement("RD", InferenceLatency(ms=200)) <= 0.30`.
-
-    Raises `RequirementError` for an unknown metric; the comparison with a limit checks the limit.
-    """
-    return Unjudged(known_metric(metric), _as_setting(setting))
-
-
-def _as_setting(given: Setting | Perturbation) -> Setting:
+def as_setting(given: Setting | Perturbation) -> Setting:
+    """Return a perturbation as a setting, and a setting as it is. Raises `RequirementError` for anything else."""
     if isinstance(given, Perturbation):
         return Setting.of(given)
     if not isinstance(given, Setting):
@@ -254,34 +190,6 @@ def by_evidence(requirements: Sequence[Requirement], verdict_rule: VerdictRule) 
     if verdict_rule.kind != "evidence":
         return 0
     return sum(item.reads_routes(verdict_rule) for item in requirements) if requirements else 1
-
-
-def _checked_limit(metric: Metric, comparison: str, limit: float) -> float:
-    """Return the limit as a float. Raises `RequirementError` if the metric cannot reach or cannot miss the limit."""
-    try:
-        number = float(limit)
-    except (TypeError, ValueError, OverflowError):
-        raise RequirementError(f"the limit of {metric.name} is {limit!r}, expected a number.") from None
-    # RD has no lower end, but a perturbed score of twice the clean one is a mistake in the sentence, not a wish.
-    low, high = (-1.0, 1.0) if metric.needs_clean else (metric.low, metric.high)
-    if not math.isfinite(number) or not low <= number <= high:
-        told = f"the limit of {metric.name} is {render_value(number)}"
-        raise RequirementError(f"{told}, expected {_range(low, high)}.")
-    if metric.needs_clean and number == low:
-        raise RequirementError(f"the limit of {metric.name} is {number:g}, expected a number above {low:g}.")
-    always = metric.high if comparison == "<=" else metric.low
-    if number == always:
-        raise RequirementError(
-            f"{metric.name} {comparison} {number:g} holds for every agent, so it can never fail. "
-            f"Expected a limit {'below' if comparison == '<=' else 'above'} {number:g}."
-        )
-    return number + 0.0  # -0.0 would print as "-0"
-
-
-def _range(low: float, high: float) -> str:
-    if math.isinf(low) and math.isinf(high):
-        return "a finite number"
-    return f"{low:g} or more" if math.isinf(high) else f"a number in {low:g}..{high:g}"
 
 
 def _slug(text: str) -> str:

@@ -12,8 +12,9 @@ from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
 from pytest_drive_robust.perturbations.sentences import brackets, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
+from pytest_drive_robust.verdict.known_metrics import known_metric
 from pytest_drive_robust.verdict.nearest import nearest_sentence
-from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, Written, known_metric
+from pytest_drive_robust.verdict.requirement import ANY_TICK_S, MarginRequirement, Requirement, Written
 
 Known = Mapping[str, type[Perturbation]]
 

@@ -63,7 +63,7 @@ def test_a_run_that_its_first_failure_ended_is_not_taken_for_whole(suite, driven
     assert main(["bless", "early", "--reason", "why"]) == 4
     assert "early is incomplete: not all of its tests came to their verdicts." in capsys.readouterr().err
     assert main(["-p", "conftest.py", "limits", "--run", "early", "--agent", "steady"]) == 4
-    assert "'early' is incomplete: not all of its tests came to their verdicts, so" in capsys.readouterr().err
+    assert "'early' is incomplete: not all of its tests came to their verdicts. Such" in capsys.readouterr().err
     told = refused(folder, driven, "--drive-compare=early")
     assert f"this run could not be compared with early: {lacks}" in told
     assert run(folder, "--drive-compare=early", "-k", "throttle-0.9 and not 100").ret == 0  # all of this is in it

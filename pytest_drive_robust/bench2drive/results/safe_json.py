@@ -1,33 +1,22 @@
-"""Read JSON of unknown origin: any bytes are read whole or refused with one sentence."""
+"""Read files of results, of unknown origin, and show their text in messages."""
 
 from __future__ import annotations
 
-import json
 import math
 from pathlib import Path
-from typing import NoReturn
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.store import json_reader
 
-_LARGEST_BYTES = 1 << 30
 _SHOWN_CHARACTERS = 120
 
 
 def read_json(path: Path) -> object:
-    """Return the value in a JSON file. Raises `UsageError` for a file that is no JSON, also for NaN and Infinity."""
+    """Return the value in a JSON file. Raises `UsageError` as `json_reader` does, also for what is no file."""
     name = printable(str(path))
     if not path.is_file():  # a pipe would wait for ever
         raise UsageError(f"there is no file {name}.")
-    try:
-        if path.stat().st_size > _LARGEST_BYTES:
-            raise UsageError(f"{name} is larger than 1 GiB: it is not a file of results.")
-        return json.loads(path.read_bytes().decode("utf-8"), parse_constant=_refuse)
-    except OSError as error:
-        raise UsageError(f"{name} cannot be read: {error.strerror}.") from None
-    except RecursionError:
-        raise UsageError(f"{name} is not a file of results: it is nested too deeply.") from None
-    except ValueError as error:
-        raise UsageError(f"{name} is not valid JSON: {printable(str(error), quotes=False)}.") from None
+    return json_reader.read_json(path, name=name)
 
 
 def is_empty(path: Path) -> bool:
@@ -59,7 +48,3 @@ def printable(text: object, *, quotes: bool = True) -> str:
         plain = plain[: _SHOWN_CHARACTERS - 3] + "..."
     safe = "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in plain)
     return f"'{safe}'" if quotes else safe
-
-
-def _refuse(constant: str) -> NoReturn:
-    raise ValueError(f"{constant} is not a number in JSON")

@@ -17,7 +17,8 @@ from pytest_drive_robust.report.promise import OPEN, claims, confidence, of_thes
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.verdict.evaluate import yardstick_of
 from pytest_drive_robust.verdict.explain import worst_routes
-from pytest_drive_robust.verdict.requirement import known_metric, lenient_limit
+from pytest_drive_robust.verdict.known_metrics import known_metric
+from pytest_drive_robust.verdict.limits import lenient_limit
 
 _BROKEN = (Outcome.INFRA_ERROR, Outcome.AGENT_ERROR)
 _NAMES = ("nodeid", "requirement", "agent", "setting", "metric", "comparison", "limit", "verdict", "value")

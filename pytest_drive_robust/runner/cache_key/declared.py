@@ -12,7 +12,7 @@ from types import FunctionType
 
 from pytest_drive_robust.domain.agent import computing_modules
 from pytest_drive_robust.errors import PluginError
-from pytest_drive_robust.registry.entries import ConfiguredFactory
+from pytest_drive_robust.registry.entries import ConfiguredFactory, is_there, paths_named
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
 
 
@@ -56,9 +56,7 @@ def undeclared(agent: object, factory: object) -> Iterator[str]:
 
 def _files(owner: object) -> list[str]:
     """Return the absolute paths of the files in `weights` that exist."""
-    named = getattr(owner, "weights", None)
-    several = named if isinstance(named, (list, tuple)) else (named,)
-    return [os.path.abspath(file) for file in several if isinstance(file, (str, os.PathLike)) and os.path.exists(file)]
+    return [os.path.abspath(file) for file in paths_named(owner) if is_there(file)]
 
 
 def _plain(owner: object) -> str | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.registry.entries import paths_named
 from pytest_drive_robust.runner.cache_key.source_files import add_file, is_hidden
 
 FileStates = tuple[tuple[str, int, int], ...]
@@ -22,14 +23,14 @@ def weights_digest(factory: object, *, agent: str) -> str:
     The factory's attribute `weights` is a path, a list of paths, or None. All files of a folder count, with their
     names. Raises `UsageError` when `weights` is anything else, and when a file cannot be read.
     """
-    files: Any = getattr(factory, "weights", None)
-    named = [files] if isinstance(files, (str, os.PathLike)) else files if isinstance(files, (list, tuple)) else None
-    if files is not None and (named is None or not all(isinstance(file, (str, os.PathLike)) for file in named)):
+    named = paths_named(factory)
+    if not all(isinstance(file, (str, os.PathLike)) for file in named):
+        given: Any = getattr(factory, "weights", None)
         raise UsageError(
-            f"`weights` of the agent {agent!r} is {files!r}, expected the paths of its weight files, known before it "
+            f"`weights` of the agent {agent!r} is {given!r}, expected the paths of its weight files, known before it "
             "is made. Name what else it is otherwise."
         )
-    paths = [Path(file) for file in named or ()]
+    paths = [Path(file) for file in named]
     digest = hashlib.blake2b(digest_size=6)
     try:
         for path in paths:
@@ -45,10 +46,8 @@ def weights_digest(factory: object, *, agent: str) -> str:
 
 def states_of_weights(factory: object) -> FileStates:
     """Return the state of each file that a factory names in `weights`."""
-    named: Any = getattr(factory, "weights", None)
-    several = named if isinstance(named, (list, tuple)) else (named,)
     states = []
-    for path in several:
+    for path in paths_named(factory):
         with suppress(OSError, TypeError, ValueError):  # the code that reads the file reports it
             for name, file in _files_of(path):
                 found = os.stat(file)

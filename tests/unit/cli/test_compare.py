@@ -73,7 +73,7 @@ def test_a_file_that_nests_too_deep_is_refused_wherever_it_lies(capsys: pytest.C
     Path("suites/baselines").mkdir(parents=True)
     Path("deep.json").rename("suites/baselines/driver.json")
     assert main(["compare", "baseline", "a"]) == 4
-    assert "driver.json' is not a baseline: " in capsys.readouterr().err
+    assert "driver.json' is not valid JSON: " in capsys.readouterr().err
 
 
 def test_a_rule_that_there_is_not_names_the_option_of_the_command(capsys: pytest.CaptureFixture[str]) -> None:

@@ -237,6 +237,18 @@ def test_it_exits_with_1_when_the_agent_drives_otherwise_than_stored(
     assert "200 ms latency: DIFFERS from the folder run from 0.50 s on" in shown
 
 
+def test_a_damaged_file_is_named_where_no_other_holds_the_episode(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored(folder, "clean")
+    torn = folder / "run" / "episodes" / "torn.episode"
+    torn.write_bytes(b"torn")
+    assert main([*GOOD, "--no-video", "--run", "run"]) == 0
+    torn.rename(stored(folder, "clean"))
+    assert main([*GOOD, "--no-video", "--run", "run"]) == 4
+    assert "cannot be read: it does not begin as a stored episode does" in capsys.readouterr().err
+
+
 def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -11,6 +11,7 @@ from stored_runs import store_run
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.report.film.file_name import film_name
+from pytest_drive_robust.store.record_files import RecordFiles
 
 
 @pytest.fixture(autouse=True)
@@ -113,3 +114,12 @@ def test_a_damaged_run_leaves_the_earlier_report(tmp_path, capsys):
     assert main(["report", "two", "--out", "look"]) == 4
     assert "two.json' is damaged: summaries[0] lacks 'verdict'" in capsys.readouterr().err
     assert data_of(tmp_path / "look")["label"] == "one"
+
+
+def test_a_damaged_episode_is_refused_until_it_is_moved_away(tmp_path, capsys):
+    store_run("one")
+    RecordFiles(tmp_path / ".drive-robust").write("clean 1", b"torn")
+    assert main(["report", "one"]) == 4
+    assert "clean 1.episode' cannot be read: it does not begin as a stored episode does" in capsys.readouterr().err
+    assert main(["store", "verify", "--fix"]) == 0
+    assert main(["report", "one"]) == 0

@@ -124,7 +124,7 @@ def test_a_damaged_file_is_named(tmp_path: Path, text: str) -> None:
     [
         ('"ds": 50.0', '"ds": "50"', '.1.ds must be number, not "50"'),
         ('"ds": 50.0', '"ds": null', ".1.ds must be number, not null"),
-        ('"ds": 50.0', '"ds": NaN', "NaN is no number of JSON"),
+        ('"ds": 50.0', '"ds": NaN', "NaN is not a number in JSON"),
         ('"ds": 50.0', '"ds": 500.0', ".1.ds must be smaller than or equal to 100, not 500.0"),
         ('"sr": 0.0', '"sr": -1.0', ".1.sr must be bigger than or equal to 0, not -1.0"),
         ('"worst_seed": 0', '"worst_seed": "0"', '.1.worst_seed must be integer, not "0"'),
@@ -139,7 +139,7 @@ def test_a_score_that_was_edited_into_none_is_refused(tmp_path: Path, was: str, 
     text = blessed.path.read_text()
     assert text.count(was) == 1
     blessed.path.write_text(text.replace(was, now))
-    with pytest.raises(UsageError, match=rf"driver\.json' is not a baseline: .*{re.escape(told)}\.$"):
+    with pytest.raises(UsageError, match=rf"driver\.json' is not (a baseline|valid JSON): .*{re.escape(told)}\.$"):
         read_baseline(blessed.path)
 
 
@@ -148,7 +148,7 @@ def test_a_route_that_a_merge_left_twice_is_refused(tmp_path: Path) -> None:
     (line,) = [line for line in blessed.path.read_text().splitlines() if '"ds": 90.0' in line]
     both = f"{line},\n{line.replace('90.0', '40.0')}"
     blessed.path.write_text(blessed.path.read_text().replace(line, both))
-    with pytest.raises(UsageError, match=r"driver\.json' is not a baseline: ValueError: '1' stands there twice"):
+    with pytest.raises(UsageError, match=r"driver\.json' is not valid JSON: '1' stands there twice"):
         read_baseline(blessed.path)
 
 

@@ -103,7 +103,7 @@ def test_a_damaged_run_is_named_as_well_after_a_nested_session_has_imported_the_
 
 def test_a_number_that_json_does_not_have_is_refused(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text('{"schema": 1, "settings": {}, "summaries": [], "episodes": [NaN]}')
-    with pytest.raises(UsageError, match=r"run\.json' is not valid JSON: NaN is no number of JSON\."):
+    with pytest.raises(UsageError, match=r"run\.json' is not valid JSON: NaN is not a number in JSON\."):
         read_document(tmp_path / "run.json")
 
 
@@ -131,7 +131,7 @@ def test_the_place_of_what_was_edited_is_named(tmp_path: Path, field: str, given
 
 def test_brackets_without_an_end_are_no_run(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("[" * 100_000)
-    with pytest.raises(UsageError, match=r"run\.json.* is (damaged: RecursionError|not valid JSON)"):
+    with pytest.raises(UsageError, match=r"run\.json.* is not valid JSON"):
         read_document(tmp_path / "run.json")
 
 

@@ -13,7 +13,8 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations import InferenceLatency, PartialObservation, Setting
 from pytest_drive_robust.report.failure import failure_text
 from pytest_drive_robust.verdict.evaluate import evaluate
-from pytest_drive_robust.verdict.requirement import Requirement, requirement
+from pytest_drive_robust.verdict.object_form import requirement
+from pytest_drive_robust.verdict.requirement import Requirement
 
 LATENCY = Setting.of(InferenceLatency(ms=200))
 

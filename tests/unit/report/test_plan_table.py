@@ -10,7 +10,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.report.plan_table import plan_text
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.testing import fake_route
-from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.object_form import requirement
 
 WANTED = requirement("DS") >= 40
 SCOPE = Scope("driver", "many", tuple(fake_route(str(number)) for number in range(40)), (0,))

@@ -11,7 +11,8 @@ from pytest_drive_robust.metrics.table import Metric
 from pytest_drive_robust.perturbations import InferenceLatency, Perturbation, Setting
 from pytest_drive_robust.runner.plan import Scope, first_of_each_agent, keys_of, planned_order, routes_in_order
 from pytest_drive_robust.testing import fake_route
-from pytest_drive_robust.verdict.requirement import Requirement, requirement
+from pytest_drive_robust.verdict.object_form import requirement
+from pytest_drive_robust.verdict.requirement import Requirement
 
 ROUTES = (fake_route("1"), fake_route("2"))
 SCOPE = Scope("driver", "two", ROUTES, (0, 1))

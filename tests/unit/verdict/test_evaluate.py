@@ -22,7 +22,8 @@ from pytest_drive_robust.stats.intervals import (
     share_interval,
 )
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate, measure
-from pytest_drive_robust.verdict.requirement import Requirement, requirement
+from pytest_drive_robust.verdict.object_form import requirement
+from pytest_drive_robust.verdict.requirement import Requirement
 from pytest_drive_robust.verdict.sentences import requirements
 
 LATE = "200 ms latency"

@@ -20,7 +20,8 @@ from pytest_drive_robust.perturbations import (
     SpeedNoise,
 )
 from pytest_drive_robust.verdict.evaluate import Verdict
-from pytest_drive_robust.verdict.requirement import Requirement, requirement
+from pytest_drive_robust.verdict.object_form import requirement
+from pytest_drive_robust.verdict.requirement import Requirement
 from pytest_drive_robust.verdict.smallest_stack import minimal_failing, minimal_failure
 
 STACK = Setting.of(

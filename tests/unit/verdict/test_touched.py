@@ -21,7 +21,7 @@ from pytest_drive_robust.perturbations import (
     SpeedNoise,
 )
 from pytest_drive_robust.verdict.evaluate import evaluate
-from pytest_drive_robust.verdict.requirement import requirement
+from pytest_drive_robust.verdict.object_form import requirement
 from pytest_drive_robust.verdict.touched import immunity, require_touched
 
 

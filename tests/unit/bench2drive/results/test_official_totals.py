@@ -230,7 +230,7 @@ def test_scores_of_other_rules_are_noticed(tmp_path: Path, capsys: pytest.Captur
         ("[1, 2]", "'_checkpoint' with 'records'"),
         ('{"_checkpoint": {"records": []}}', "A score of nothing is not 0"),
         ('{"_checkpoint": {"records": [NaN]}}', "NaN is not a number"),
-        ("[" * 100_000, "not a file of results"),
+        ("[" * 100_000, "not valid JSON"),
         (json.dumps(document({**record(), "status": "Complete"})), "Did you mean 'Completed'?"),
         (json.dumps(document({**record(), "route_id": "101"})), "expected 'RouteScenario_<id>_rep<number>'"),
         (json.dumps(document({**record(), "scores": {"score_route": True}})), "score_route"),
