@@ -92,24 +92,17 @@ class _Trial:
     def checks(self) -> Iterator[Check]:
         """Yield every check in order; leave out checks that need a promise that is already broken."""
         for first in (self.methods, self.declarations, self.controls):
-            yield (check := self.attempt(first))
+            yield (check := attempt("the agent", first))
             if not check.ok:
                 return
         self.truth: GroundTruth = self.simulator.truth()
-        yield self.attempt(self.time)
-        yield (same := self.attempt(self.determinism))
+        yield attempt("the agent", self.time)
+        yield (same := attempt("the agent", self.determinism))
         self.repeats = same.ok
         compared = (self.reset, self.isolation, self.consumes, self.privileged)
         # an agent that never drives the same twice would fail every comparison: report this fault once
         for promise in (*compared, self.plan, self.lockstep) if same.ok else (self.plan,):
-            yield self.attempt(promise)
-
-    def attempt(self, promise: Callable[[], str]) -> Check:
-        """Return the check of one promise. An exception of the agent fails this check and does not end the others."""
-        try:
-            return attempt("the agent", promise)
-        except AgentError as error:  # it says whose call it was
-            return Check(promise.__name__, False, f"{error}.")
+            yield attempt("the agent", promise)
 
     def drive(self, agent: Agent, seed: int) -> tuple[RecordingAgent, EpisodeResult]:
         """Return one whole episode on the route of the trial."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from pytest_drive_robust.errors import UnknownNameError
+from pytest_drive_robust.errors import AgentError, UnknownNameError
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 
 
@@ -85,5 +85,7 @@ def attempt(whose: str, promise: Callable[..., str], *arguments: object) -> Chec
         return Check(name, True, promise(*arguments))
     except Broken as broken:
         return Check(name, False, str(broken), broken.of_simulator)
+    except AgentError as error:  # it says whose call it was
+        return Check(name, False, f"{error}.")
     except BLAMED as error:
         return Check(name, False, f"{blame(whose, error)}.")

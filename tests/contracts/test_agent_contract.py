@@ -277,6 +277,17 @@ def test_an_agent_whose_second_reset_raises_is_told_what_it_raised() -> None:
     assert "remembers" not in report["reset"].sentence
 
 
+def test_an_agent_that_breaks_in_a_later_check_is_told_by_its_own_call() -> None:
+    def act(observation: Observation) -> Control:
+        if observation.truth is not None:
+            raise KeyError("lane")
+        return Control(throttle=0.6)
+
+    report = check_agent(scripted(act))
+    assert failed(report) == ["privileged"]
+    assert report["privileged"].sentence.startswith("act raised KeyError: 'lane' (")
+
+
 def test_a_signal_that_is_used_but_not_declared_is_found() -> None:
     def act(observation: Observation) -> Control:
         return Control(throttle=0.6, steer=0.01 * max(-1.0, min(1.0, observation.imu.right_mps2)))
