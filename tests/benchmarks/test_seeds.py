@@ -159,7 +159,7 @@ def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_a
     assert written == seeds_text(seeds)
     sentences = " ".join((PAPER / "README.md").read_text(encoding="utf-8").split())
     routes, episodes = len(seeds[0].routes), len(seeds[0].agents) * len(DRIVEN) * len(seeds[0].routes)
-    assert f"has been driven, {routes} (`seed-1.json`, {episodes:,} episodes): " in sentences
+    assert f"have been driven, {routes} (`seed-1.json`, {episodes:,} episodes): " in sentences
     cells, by_chance = re.findall(r"Of (\d+) cells,[^.]*chance alone makes (\d+\.\d)", written)[0]
     assert f"{len(apart_of(seeds))} of the {cells} cells of the table differ there" in sentences
     assert f"where chance alone makes {by_chance} " in sentences
