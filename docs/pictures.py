@@ -264,7 +264,11 @@ def main() -> None:
     """Draw what was named."""
     parser = argparse.ArgumentParser(description="Draw the pictures of the site.")
     parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(DRAWN)}; default: all")
-    for name in parser.parse_args().names or DRAWN:
+    names = parser.parse_args().names or [*DRAWN]
+    for name in names:
+        if name not in DRAWN:
+            parser.error(f"there is no picture named {name!r}. Known: {', '.join(DRAWN)}")
+    for name in names:
         for path in DRAWN[name]():
             print(f"{path.relative_to(FOLDER.parent)}: {path.stat().st_size / 1000:.0f} kB")
 

@@ -56,3 +56,13 @@ def test_every_picture_is_used_small_and_drawn_by_the_script(script: ModuleType)
     pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs").rglob("*.md"))
     others = {match for match in re.findall(r"pictures/([\w./-]+)", pages) if "/" not in match}
     assert set(kept) == scenarios | failures | others
+
+
+def test_an_unknown_picture_is_named_before_any_is_drawn(
+    script: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["pictures.py", "agents", "case-burst"])
+    monkeypatch.setitem(script.DRAWN, "agents", lambda: pytest.fail("drawn"))
+    with pytest.raises(SystemExit, match="2"):
+        script.main()
+    assert "there is no picture named 'case-burst'. Known: readme, tutorial," in capsys.readouterr().err
