@@ -116,10 +116,10 @@ def footnotes(run: RunResult) -> list[str]:
     if any(row.is_partial for row in run.rows):
         confidence = 1.0 - 2.0 * run.options.verdict_rule.alpha
         lines.append(
-            "'n/m' routes: the verdicts were clear after n of m routes, and the row has all n that any of them read (a "
-            "failing test only its own, with the interval of its rule); in brackets what DS and RD may be on routes "
-            f"like these ({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. "
-            "All routes, with efficiency and comfort: --drive-verdict=point"
+            "'n/m' routes: the verdicts were clear after n of m routes (a failing test shows the routes of its own "
+            "verdict, maybe fewer); in brackets what DS and RD may be on routes like these "
+            f"({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All routes, "
+            "with efficiency and comfort: --drive-verdict=point"
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
