@@ -99,7 +99,7 @@ class CollectionPlugin:
         scope = context.scopes.of(marker)
         self._scopes.setdefault((scope.agent, scope.routes_spec), scope)
         reading = marker.asked_reading(context.options.asked_reading)
-        wanted = [stated.read_as(reading) for stated in requirements_of(item)]
+        wanted = [stated.read_as(reading) for stated in requirements_of(item).values()]
         verdict_rule = marker.verdict_rule(context.options.verdict_rule).for_routes(len(scope.routes))
         for requirement in wanted:
             context.scopes.check_setting(requirement.setting)

@@ -12,7 +12,9 @@ from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
 from pytest_drive_robust.plugin.skip_marks import may_fail_by
+from pytest_drive_robust.plugin.unjudged import ANSWERED, JUDGES_LATER, left_unjudged
 from pytest_drive_robust.plugin.verdict_errors import (
+    BODY_ENDED,
     NOT_JUDGED_ERROR,
     RAISED,
     UNHEEDED,
@@ -22,7 +24,6 @@ from pytest_drive_robust.plugin.verdict_errors import (
 )
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.runner.campaign import Campaign
-from pytest_drive_robust.verdict.requirement import Requirement
 
 if TYPE_CHECKING:
     from _pytest._code.code import TerminalRepr
@@ -52,6 +53,8 @@ class DrivingPlugin:
         """Forget the notes of an earlier attempt: a plugin that runs failed tests again keeps the item."""
         item.stash[NOT_JUDGED_ERROR] = None
         item.stash[RAISED] = []
+        item.stash[ANSWERED] = set()
+        item.stash[JUDGES_LATER] = False
         item.user_properties[:] = [
             (name, value) for name, value in item.user_properties if not name.startswith("drive_")
         ]
@@ -69,11 +72,13 @@ class DrivingPlugin:
         error = _error_of(item, call)
         raised: list[BaseException] = item.stash.get(RAISED, [])
         report.user_properties = [(name, _plain(value)) for name, value in report.user_properties]
+        passed = call.excinfo is None and (not report.failed or _passed_unexpectedly(report))
+        if error is None and passed and item.stash.get(BODY_ENDED, True):  # else it is the report of a subtest
+            error = left_unjudged(item, call.when)
         if error is None and report.when == "call" and report.passed:
-            error = _forgotten(item)
             report.user_properties += [(UNHEEDED, _first_line(told)) for told in raised[:1]]
         item.stash[RAISED] = [told for told in raised if told is not error]  # a subtest reported it
-        if isinstance(error, NotJudgedError) and (report.passed or hasattr(report, "wasxfail")):
+        if isinstance(error, NotJudgedError) and (passed or hasattr(report, "wasxfail")):
             vars(report).pop("wasxfail", None)
             report.outcome = "failed"
             if call.excinfo is None or call.excinfo.value is not error:
@@ -81,22 +86,28 @@ class DrivingPlugin:
         elif is_open(report) and _passed_unexpectedly(report):
             report.outcome, report.longrepr = "passed", None
             vars(report)[MAY_FAIL] = _may_break_a_requirement(item)
-        if report.failed and _broke(item, report, error):
-            vars(report)[BROKE] = True  # a plain attribute, as below
-        if report.failed and isinstance(error, (BrokenRequirementError, NotJudgedError)):
-            crash = getattr(report.longrepr, "reprcrash", None)
-            if crash is not None:
-                crash.message = _first_line(error)
-            stated = error.what if isinstance(error, NotJudgedError) else error.verdict.requirement
-            place = place_of(item, stated)
-            if place is not None:
-                report.location = (place[0], place[1] - 1, report.location[2])  # pytest counts lines from 0
-            if isinstance(error, NotJudgedError):
-                vars(report)[NOT_JUDGED] = True  # a plain attribute: pytest-xdist sends it from workers
-            report.sections += [
-                (legible(f"printed by {episode}"), legible(text)) for episode, text in self._last_words()
-            ]
+        if report.failed:
+            self._complete(report, item, error)
         return report
+
+    def _complete(self, report: pytest.TestReport, item: pytest.Item, error: BaseException | None) -> None:
+        """Mark the report of a failed test, and let it begin with our message, if that is what the test failed by.
+
+        The marks are plain attributes: pytest-xdist sends them from workers.
+        """
+        if _broke(item, report, error):
+            vars(report)[BROKE] = True
+        if isinstance(error, NotJudgedError):
+            vars(report)[NOT_JUDGED] = True
+        if not isinstance(error, (BrokenRequirementError, NotJudgedError)):
+            return
+        crash = getattr(report.longrepr, "reprcrash", None)
+        if crash is not None:
+            crash.message = _first_line(error)
+        place = place_of(item, error.what if isinstance(error, NotJudgedError) else error.verdict.requirement)
+        if place is not None:
+            report.location = (place[0], place[1] - 1, report.location[2])  # pytest counts lines from 0
+        report.sections += [(legible(f"printed by {episode}"), legible(text)) for episode, text in self._last_words()]
 
     def pytest_runtest_logfinish(self) -> None:
         """Store the episodes that have ended: another worker may wait for them, and the next test may drive nothing."""
@@ -125,17 +136,6 @@ def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException |
     if _is_expected_by_unittest(item) and call.when == "call":
         return item.stash.get(NOT_JUDGED_ERROR, None)
     return call.excinfo.value if call.excinfo is not None else None
-
-
-def _forgotten(item: pytest.Item) -> NotJudgedError | None:
-    """Return the error of a test that has a requirement as parameter but never asked `drive`; None for other tests."""
-    drive, callspec = getattr(item, "funcargs", {}).get("drive"), getattr(item, "callspec", None)
-    if not isinstance(drive, Drive) or drive.was_asked or callspec is None:
-        return None
-    given = next((value for value in callspec.params.values() if isinstance(value, Requirement)), None)
-    if given is None:
-        return None
-    return NotJudgedError(given, "the test ended without judging it. Call drive.check(requirement), or skip the test.")
 
 
 def _passed_unexpectedly(report: pytest.TestReport) -> bool:

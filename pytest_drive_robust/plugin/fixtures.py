@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -40,9 +40,14 @@ def uses_drive(item: pytest.Item) -> bool:
 
     A project may have its own fixture named `drive`, for a disk or a robot: a test with that fixture returns False.
     """
-    known = getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
+    known = definitions_of(item)
     asked = _FIXTURES.intersection(getattr(item, "fixturenames", ()))
     return any(known is None or _is_ours(name, known.get(name, ())) for name in asked)
+
+
+def definitions_of(item: pytest.Item) -> Mapping[str, Sequence[pytest.FixtureDef[Any]]] | None:
+    """Return the fixtures of a test by name, overridden ones first; None where pytest does not tell."""
+    return getattr(getattr(item, "_fixtureinfo", None), "name2fixturedefs", None)
 
 
 def _is_ours(name: str, definitions: Sequence[pytest.FixtureDef[Any]]) -> bool:

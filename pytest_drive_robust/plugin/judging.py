@@ -24,6 +24,7 @@ from pytest_drive_robust.plugin.drive_marker import marker_options
 from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.shown_verdicts import ShownVerdicts
+from pytest_drive_robust.plugin.unjudged import ANSWERED
 from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, RAISED, NotJudgedError
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
@@ -100,6 +101,7 @@ class Drive:
             requirement = requirement.read_as(self._reading)
             self._context.scopes.check_setting(requirement.setting)  # one that the body of a test states
             judgement = self._context.campaign.judge(requirement, self._scope, verdict_rule, nodeid=self._item.nodeid)
+            self._answered(requirement)
         self._verdicts.show(judgement)
         return judgement.verdict
 
@@ -132,6 +134,7 @@ class Drive:
             if not broken:
                 require_scorable(results)
             require_touched(asked, [result for result in results if result.outcome is not Outcome.INFRA_ERROR])
+            self._answered(asked)
             return results
 
     def largest(
@@ -154,7 +157,9 @@ class Drive:
         """
         __tracebackhide__ = True
         with self._errors_of(f"the largest severity with {metric} and limit {limit}"):
-            return self._largest(perturbation, metric=metric, limit=limit, comparison=comparison, levels=levels)
+            found = self._largest(perturbation, metric=metric, limit=limit, comparison=comparison, levels=levels)
+            self._answered(*(Setting.of(found.ladder.at(level)) for level in found.ladder.levels))
+            return found
 
     def _largest(
         self,
@@ -192,6 +197,7 @@ class Drive:
             rule = self._verdict_rule.for_routes(len(self.routes))
             judgement = self._context.campaign.decide(requirement, self._scope, rule)
             failure = minimal_failure(requirement, self._decide, verdict_rule=self._verdict_rule, dt_s=dt_s)
+            self._answered(requirement)
         if judgement.verdict.decision == "inconclusive":
             self._verdicts.leave_open(judgement)
         return failure
@@ -204,7 +210,9 @@ class Drive:
         __tracebackhide__ = True
         with self._errors_of(f"{metric} under {setting}"):
             requirement = Requirement(metric, self._setting(setting), comparison, limit)
-            return Estimate.of(self._context.campaign.measure(requirement, self._scope))
+            estimate = Estimate.of(self._context.campaign.measure(requirement, self._scope))
+            self._answered(requirement.setting)
+            return estimate
 
     def _setting(self, given: Setting | Perturbation | str) -> Setting:
         """Return `given` as a setting with this test's reading; a sentence is parsed first.
@@ -216,6 +224,10 @@ class Drive:
         setting = (given if isinstance(given, Setting) else Setting.of(given)).read_as(self._reading)
         self._context.scopes.check_setting(setting)
         return setting
+
+    def _answered(self, *asked: Requirement | Setting) -> None:
+        """Note what the test now knows: a requirement of its parameters that is not among this was not judged."""
+        self._item.stash.setdefault(ANSWERED, set()).update(map(str, asked))
 
     @contextmanager
     def _errors_of(self, what: object) -> Iterator[None]:

@@ -12,11 +12,10 @@ import pytest
 from pytest_drive_robust.verdict.requirement import Requirement
 
 
-def requirements_of(item: pytest.Item) -> list[Requirement]:
-    """Return the requirements that are parameters of a test."""
-    callspec = getattr(item, "callspec", None)
-    values = () if callspec is None else callspec.params.values()
-    return [value for value in values if isinstance(value, Requirement)]
+def requirements_of(item: pytest.Item) -> dict[str, Requirement]:
+    """Return the requirements that are parameters of a test, by the names of the parameters."""
+    params = getattr(getattr(item, "callspec", None), "params", {})
+    return {name: value for name, value in params.items() if isinstance(value, Requirement)}
 
 
 def place_of(item: pytest.Item, stated: object) -> tuple[str, int] | None:

@@ -8,12 +8,10 @@ import pytest
 
 from pytest_drive_robust.plugin.judging import Drive
 from pytest_drive_robust.plugin.statements_left import has_statements_left
-from pytest_drive_robust.plugin.verdict_errors import BrokenRequirementError, NotJudgedError
+from pytest_drive_robust.plugin.verdict_errors import BODY_ENDED, BrokenRequirementError, NotJudgedError
 
 STOPPED = "drive_robust_stopped"
 """The attribute of the report on a test that stopped with statements left: how often it had called `drive` by then."""
-_BODY_ENDED = pytest.StashKey[bool]()
-"""In `item.stash`: False while the body of the test runs, when only subtests are reported."""
 
 
 class StoppedTestsPlugin:
@@ -22,11 +20,11 @@ class StoppedTestsPlugin:
     @pytest.hookimpl(wrapper=True, tryfirst=True)
     def pytest_runtest_call(self, item: pytest.Item) -> Generator[None, object, object]:
         """Note whether the body of the test has ended."""
-        item.stash[_BODY_ENDED] = False
+        item.stash[BODY_ENDED] = False
         try:
             return (yield)
         finally:
-            item.stash[_BODY_ENDED] = True
+            item.stash[BODY_ENDED] = True
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_makereport(
@@ -52,7 +50,7 @@ def _stopped_after(item: pytest.Item, call: pytest.CallInfo[None]) -> int:
         return drive.calls
     if call.when == "teardown" and not isinstance(call.excinfo.value, (BrokenRequirementError, NotJudgedError)):
         return 0
-    in_subtest = not item.stash.get(_BODY_ENDED, True)
+    in_subtest = not item.stash.get(BODY_ENDED, True)
     left = drive.calls and has_statements_left(item, call.excinfo.tb, in_subtest=in_subtest)
     return drive.calls if left else 0
 

@@ -36,6 +36,8 @@ RAISED = pytest.StashKey[list[BaseException]]()
 """In `item.stash`: the errors that we raised in the test and that no report has shown yet."""
 UNHEEDED = "drive_unheeded"
 """The property of the report on a test that passed although we raised an error in it: the first line of the error."""
+BODY_ENDED = pytest.StashKey[bool]()
+"""In `item.stash`: False while the body of the test runs, when only subtests are reported."""
 WAIVED = pytest.StashKey[list[str]]()
 """In `item.stash`: the signatures of the waivers that the test used since its last report."""
 

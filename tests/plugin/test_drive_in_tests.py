@@ -69,20 +69,64 @@ FORGETFUL = """
 import pytest
 from pytest_drive_robust import requirements
 
+(OTHER,) = requirements("DS under clean >= 1")
 each = pytest.mark.parametrize("requirement", requirements("DS under clean >= 90"))
 
 @each
 def test_forgot(drive, requirement):
     assert drive.agent
 
-@pytest.mark.xfail
+@each
+def test_checked_another_one(drive, requirement):
+    drive.check(OTHER)
+
+@each
+@pytest.mark.parametrize("second", [OTHER])
+def test_checked_one_of_two(drive, requirement, second):
+    drive.check(requirement)
+
+@pytest.mark.xfail(strict=False)
 @each
 def test_forgot_what_was_expected_to_fail(drive, requirement):
     pass
 
+@pytest.mark.xfail(strict=True)
+@each
+def test_forgot_what_had_to_fail(drive, requirement):
+    drive.check(OTHER)
+
 @each
 def test_measured(drive, requirement):
     assert drive.ds(requirement.setting) >= requirement.limit
+
+def helps(judge, wanted):
+    judge(wanted)
+
+@each
+def test_hands_it_on(drive, requirement):
+    helps(drive.check, requirement)
+
+@each
+def test_shrinks(drive, requirement):
+    assert drive.minimal(requirement) is None
+
+@pytest.fixture
+def judged_later(drive, requirement):
+    yield
+    drive.check(requirement)
+
+@pytest.fixture
+def measured_later(drive):
+    yield
+    drive.ds("throttle 0.9")
+
+@each
+def test_judges_in_a_fixture(judged_later, requirement):
+    pass
+
+@each
+def test_measures_another_setting_in_a_fixture(measured_later, requirement):
+    pass
 
 @each
 def test_skipped(drive, requirement):
@@ -101,14 +145,75 @@ def test_without(drive):
 def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
     result = run(suite(test=FORGETFUL), *workers)
     assert result.ret == 1
-    result.assert_outcomes(passed=3, skipped=1, errors=2)
+    result.assert_outcomes(passed=7, skipped=1, errors=6)
     result.stdout.fnmatch_lines(
         [
             "ERROR: not judged: DS under clean >= 90",
             "the test ended without judging it. Call drive.check(requirement), or skip the test.",
+            "ERROR: not judged: DS under clean >= 1",
+            "the test ended without judging it. Call drive.check(second), or skip the test.",
             "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
         ]
     )
+
+
+@pytest.mark.parametrize(
+    ("call", "args", "errors"),
+    [
+        ("with suppress(BaseException): drive.check(requirement)", ("--drive-sim=broken",), 1),
+        ("with suppress(BaseException): drive.check(requirement)", (), 0),
+        ("drive.sr(requirement.setting)", ("--drive-reading=released",), 0),
+        ("drive.largest(InferenceLatency, metric='DS', limit=1)", ("--drive-reading=released",), 0),
+        ("drive.largest(InferenceLatency, metric='DS', limit=1, levels=[100])", (), 1),
+    ],
+)
+def test_a_requirement_without_a_verdict_or_a_number_is_an_error_where_the_test_passes(suite, call, args, errors):
+    test = f"""
+from contextlib import suppress
+import pytest
+from pytest_drive_robust import InferenceLatency, requirements
+
+@pytest.mark.parametrize("requirement", requirements("latency margin >= 150 ms (DS >= 60)"))
+def test_it(drive, requirement):
+    {call}
+"""
+    run(suite(test=test), *args).assert_outcomes(passed=1 - errors, errors=errors)
+
+
+@pytest.mark.skipif(not hasattr(pytest, "Subtests"), reason="subtests come with pytest 9")
+def test_a_subtest_has_not_forgotten_what_the_next_one_judges(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirements
+
+@pytest.mark.parametrize("requirement", requirements("DS under clean >= 90"))
+def test_it(drive, requirement, subtests):
+    with subtests.test("route"):
+        assert drive.routes
+    with subtests.test("verdict"):
+        drive.check(requirement)
+"""
+    result = run(suite(test=test))
+    assert result.ret == 0
+    assert result.parseoutcomes()["passed"] == 1
+
+
+def test_a_waived_verdict_on_another_requirement_leaves_its_own_an_error(suite):
+    test = """
+import pytest
+from pytest_drive_robust import requirements
+
+(OTHER,) = requirements("DS under throttle 0.3 >= 60")
+
+@pytest.mark.parametrize("requirement", requirements("DS under clean >= 90"))
+def test_it(drive, requirement):
+    drive.check(OTHER)
+"""
+    folder = suite(test=test)
+    folder.mkdir("suites")
+    waiver = 'requirement = "DS under throttle 0.3 >= 60"\nowner = "kim"\nreason = "new"\nexpires = 2999-01-01\n'
+    (folder.path / "suites" / "waivers.toml").write_text(f"[[waiver]]\n{waiver}")
+    run(folder).assert_outcomes(errors=1)
 
 
 def test_values_with_intervals_can_be_compared_in_plain_asserts(suite):
