@@ -11,12 +11,12 @@ import pytest
 from pytest_drive_robust.plugin.fixtures import uses_drive
 from pytest_drive_robust.plugin.judging import ONE_AT_A_TIME, Drive
 from pytest_drive_robust.plugin.requirement_place import place_of
-from pytest_drive_robust.plugin.skip_marks import may_fail_by
+from pytest_drive_robust.plugin.skip_marks import may_fail_by, names_errors
 from pytest_drive_robust.plugin.unjudged import ANSWERED, JUDGES_LATER, left_unjudged
 from pytest_drive_robust.plugin.verdict_errors import (
     BODY_ENDED,
-    NOT_JUDGED_ERROR,
     RAISED,
+    UNANSWERED,
     UNHEEDED,
     BrokenRequirementError,
     NotJudgedError,
@@ -51,7 +51,7 @@ class DrivingPlugin:
     @pytest.hookimpl(tryfirst=True)
     def pytest_runtest_setup(self, item: pytest.Item) -> None:
         """Forget the notes of an earlier attempt: a plugin that runs failed tests again keeps the item."""
-        item.stash[NOT_JUDGED_ERROR] = None
+        item.stash[UNANSWERED] = []
         item.stash[RAISED] = []
         item.stash[ANSWERED] = set()
         item.stash[JUDGES_LATER] = False
@@ -65,8 +65,8 @@ class DrivingPlugin:
     ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
         """Put the first line of our message into the short summary, and mark a test that could not be judged.
 
-        An expected failure (xfail) is expected of the agent: xfail hides no `NotJudgedError`, and an inconclusive
-        verdict breaks no strict xfail.
+        An expected failure (xfail) is expected of the agent: xfail hides no error that left a call of `drive` without
+        an answer, unless it names that error, and an inconclusive verdict breaks no strict xfail.
         """
         report = yield
         error = _error_of(item, call)
@@ -78,10 +78,10 @@ class DrivingPlugin:
         if error is None and report.when == "call" and report.passed:
             report.user_properties += [(UNHEEDED, _first_line(told)) for told in raised[:1]]
         item.stash[RAISED] = [told for told in raised if told is not error]  # a subtest reported it
-        if isinstance(error, NotJudgedError) and (passed or hasattr(report, "wasxfail")):
+        if _is_unanswered(item, error) and (passed or _is_hidden(item, report, error)):
             vars(report).pop("wasxfail", None)
             report.outcome = "failed"
-            if call.excinfo is None or call.excinfo.value is not error:
+            if error is not None and (call.excinfo is None or call.excinfo.value is not error):
                 report.longrepr = _shown(item, error)
         elif is_open(report) and _passed_unexpectedly(report):
             report.outcome, report.longrepr = "passed", None
@@ -97,7 +97,7 @@ class DrivingPlugin:
         """
         if _broke(item, report, error):
             vars(report)[BROKE] = True
-        if isinstance(error, NotJudgedError):
+        if _is_unanswered(item, error):
             vars(report)[NOT_JUDGED] = True
         if not isinstance(error, (BrokenRequirementError, NotJudgedError)):
             return
@@ -134,8 +134,21 @@ def _first_line(error: BaseException) -> str:
 def _error_of(item: pytest.Item, call: pytest.CallInfo[None]) -> BaseException | None:
     """Return the error that a test raised; `unittest.expectedFailure` replaces ours, which is then read from `item`."""
     if _is_expected_by_unittest(item) and call.when == "call":
-        return item.stash.get(NOT_JUDGED_ERROR, None)
+        unanswered: list[BaseException] = item.stash.get(UNANSWERED, [])
+        return unanswered[-1] if unanswered else None
     return call.excinfo.value if call.excinfo is not None else None
+
+
+def _is_unanswered(item: pytest.Item, error: BaseException | None) -> bool:
+    """Return True for an error that left a call of `drive` without an answer, or a test without a judgement."""
+    return isinstance(error, NotJudgedError) or any(error is told for told in item.stash.get(UNANSWERED, []))
+
+
+def _is_hidden(item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> bool:
+    """Return True where a test is expected to fail, but not by this error: nobody named its class."""
+    if not hasattr(report, "wasxfail"):
+        return False
+    return isinstance(error, NotJudgedError) or _is_expected_by_unittest(item) or not names_errors(item)
 
 
 def _passed_unexpectedly(report: pytest.TestReport) -> bool:
@@ -170,11 +183,11 @@ def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | 
     return isinstance(drive, Drive) and not (drive.was_asked and is_verdict)
 
 
-def _shown(item: pytest.Item, error: NotJudgedError) -> str | TerminalRepr:
+def _shown(item: pytest.Item, error: BaseException) -> str | TerminalRepr:
     """Return what pytest shows for an error that the test did not raise itself, placed at the test's first line."""
     try:
         raise error
-    except NotJudgedError:
+    except BaseException:
         shown = item.repr_failure(pytest.ExceptionInfo.from_current())
     crash = getattr(shown, "reprcrash", None)
     if crash is not None:

@@ -25,7 +25,7 @@ from pytest_drive_robust.plugin.environment import variables_of_tests_told
 from pytest_drive_robust.plugin.estimate import Estimate
 from pytest_drive_robust.plugin.shown_verdicts import ShownVerdicts
 from pytest_drive_robust.plugin.unjudged import ANSWERED
-from pytest_drive_robust.plugin.verdict_errors import NOT_JUDGED_ERROR, RAISED, NotJudgedError
+from pytest_drive_robust.plugin.verdict_errors import RAISED, UNANSWERED, NotJudgedError
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scopes import Scopes
@@ -94,8 +94,8 @@ class Drive:
         `verdict` (`"auto"`, `"evidence"`, `"list"`, `"point"`) and `margin` change the rule for this requirement only.
         """
         __tracebackhide__ = True
-        _require_requirement("check", requirement)
         with self._errors_of(requirement):
+            _require_requirement("check", requirement)
             rule = MarkerOptions(verdict=verdict, margin=margin).verdict_rule(self._verdict_rule)
             verdict_rule = rule.for_routes(len(self.routes))
             requirement = requirement.read_as(self._reading)
@@ -190,8 +190,8 @@ class Drive:
         An inconclusive verdict on the requirement itself is no pass: it warns, fails or skips, as in `check`.
         """
         __tracebackhide__ = True
-        _require_requirement("minimal", requirement)
         with self._errors_of(requirement):
+            _require_requirement("minimal", requirement)
             requirement, dt_s = requirement.read_as(self._reading), self._context.scopes.dt_s
             self._context.scopes.check_setting(requirement.setting)
             rule = self._verdict_rule.for_routes(len(self.routes))
@@ -231,16 +231,22 @@ class Drive:
 
     @contextmanager
     def _errors_of(self, what: object) -> Iterator[None]:
+        """Note an error that leaves the test without an answer; raise `NotJudgedError` in place of one of ours.
+
+        Any other error is raised as it is: its traceback leads to what is wrong, and an xfail may name its class.
+        """
         __tracebackhide__ = True
         self._calls += 1
         try:
             with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield
-        except DriveRobustError as error:  # whichever: there is no number to judge
+        except Exception as error:  # whichever: there is no number to judge
             self._item.user_properties.append(("drive_verdict", "error"))
-            told = NotJudgedError(what, error)
-            self._item.stash[NOT_JUDGED_ERROR] = told
-            self._item.stash.setdefault(RAISED, []).append(told)
+            told = NotJudgedError(what, error) if isinstance(error, DriveRobustError) else error
+            for key in (UNANSWERED, RAISED):
+                self._item.stash.setdefault(key, []).append(told)
+            if told is error:
+                raise
             raise told from None
 
     def _reach(self, requirement: Requirement) -> str:

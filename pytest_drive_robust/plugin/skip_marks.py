@@ -32,6 +32,15 @@ def may_fail_by(item: pytest.Item, error: BaseException) -> bool:
     return hasattr(report, "wasxfail")
 
 
+def names_errors(item: pytest.Item) -> bool:
+    """Return whether the `xfail` of a test that has run allows only some errors: those that its `raises` names."""
+    return not may_fail_by(item, _UnheardOfError())
+
+
+class _UnheardOfError(BaseException):
+    """An error that no test names."""
+
+
 def _hook_of(item: pytest.Item, name: str, *plugins: str) -> Any:
     """Return the hook `name` that only the given plugins of pytest answer; one that is switched off does not."""
     manager = item.config.pluginmanager

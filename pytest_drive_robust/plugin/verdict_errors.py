@@ -30,8 +30,8 @@ class NotJudgedError(pytest.fail.Exception):  # type: ignore[name-defined, misc]
         self.what = what
 
 
-NOT_JUDGED_ERROR = pytest.StashKey[NotJudgedError | None]()
-"""In `item.stash`: the latest reason why the test could not be judged, or None."""
+UNANSWERED = pytest.StashKey[list[BaseException]]()
+"""In `item.stash`: the errors by which calls of `drive` ended without an answer, `NotJudgedError` or not of ours."""
 RAISED = pytest.StashKey[list[BaseException]]()
 """In `item.stash`: the errors that we raised in the test and that no report has shown yet."""
 UNHEEDED = "drive_unheeded"

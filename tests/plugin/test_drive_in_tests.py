@@ -281,7 +281,7 @@ def test_of_one_light(drive):
 @pytest.mark.parametrize("call", ["check", "minimal"])
 def test_a_sentence_in_place_of_a_requirement_is_explained(suite, call):
     result = run(suite(test=f"def test_it(drive):\n    drive.{call}('DS under clean >= 1')\n"))
-    result.assert_outcomes(failed=1)
+    result.assert_outcomes(errors=1)
     result.stdout.fnmatch_lines([f"E*drive.{call} was given 'DS*, expected a Requirement: *"])
 
 

@@ -74,6 +74,48 @@ def pytest_drive_robust_register(registry):
     result.stdout.fnmatch_lines(["*nothing was recorded*"])
 
 
+@pytest.mark.parametrize(
+    ("how", "outcome"),
+    [
+        ("strict=False", "errors"),
+        ("raises=TypeError", "xfailed"),
+        ("raises=(ValueError, Exception)", "xfailed"),
+        ("raises=ValueError", "errors"),
+    ],
+)
+def test_an_error_that_is_not_ours_is_expected_only_where_it_is_named(suite, how, outcome):
+    test = f"""
+import pytest
+
+@pytest.mark.xfail({how})
+def test_marked(drive):
+    drive.check("DS under clean >= 1")
+"""
+    result = suite(test=test).runpytest_inprocess("--drive-robust")
+    assert result.ret == 1  # and where it is expected, no episode was driven
+    result.assert_outcomes(**{outcome: 1})
+
+
+@processes
+def test_a_bug_of_ours_is_an_error_where_a_failure_is_expected(suite, workers):
+    bug = """
+
+def decide(*given):
+    raise TypeError("a bug of ours")
+
+
+@pytest.fixture(autouse=True)
+def bug(monkeypatch):
+    from pytest_drive_robust.runner.campaign import Campaign
+    monkeypatch.setattr(Campaign, "decide", decide)
+"""
+    folder = suite(test=TEST.format(sentence=RED, strict=False), conftest=bug)
+    result = folder.runpytest_inprocess("--drive-robust", *workers)
+    assert result.ret == 1
+    result.assert_outcomes(errors=2)
+    result.stdout.fnmatch_lines(["*TypeError: a bug of ours"])
+
+
 @processes
 @pytest.mark.parametrize("strict", [False, True])
 def test_a_requirement_that_is_broken_stays_expected(suite, strict, workers):
