@@ -48,12 +48,17 @@ DEFAULT_ALLOWANCES = (Allowance("DS", 0.05, relative=True),)
 
 
 def parse_allowances(given: Iterable[str], *, source: str) -> tuple[Allowance, ...]:
-    """Return the allowances of all texts, each with commas between allowances; `DEFAULT_ALLOWANCES` when all are empty.
+    """Return the allowances of all texts, each with commas between allowances; `DEFAULT_ALLOWANCES` without a text.
 
-    Raises `UsageError`, naming `source`, for text that is no allowance.
+    Raises `UsageError`, naming `source`, for text that is no allowance or holds none.
     """
-    texts = [text.strip() for each in given for text in each.split(",") if text.strip()]
-    return tuple(dict.fromkeys(_parse(text, source) for text in texts)) or DEFAULT_ALLOWANCES
+    found: dict[Allowance, None] = {}
+    for each in given:
+        texts = [text.strip() for text in each.split(",") if text.strip()]
+        if not texts:
+            raise UsageError(f"{source} is {each!r}, which is empty; {_EXPECTED}.")
+        found |= dict.fromkeys(_parse(text, source) for text in texts)
+    return tuple(found) or DEFAULT_ALLOWANCES
 
 
 def _parse(text: str, source: str) -> Allowance:

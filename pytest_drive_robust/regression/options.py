@@ -32,7 +32,7 @@ def _save(given: GivenText) -> str:
 
 
 def _allowances(given: GivenText) -> tuple[Allowance, ...]:
-    return parse_allowances([given.text], source=given.flag)
+    return parse_allowances([given.text] if given.text else (), source=given.flag)
 
 
 def _compare(given: GivenText) -> str:

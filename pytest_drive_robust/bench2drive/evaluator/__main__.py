@@ -97,7 +97,7 @@ def _run(options: argparse.Namespace) -> int:
     checkout = Checkout.find(options.root, carla_root=options.carla_root, python=options.python)
     checkout.require_python("--python")
     setting = Setting.from_env(os.environ) if options.setting == "env" else Setting.parse(options.setting)
-    file, chosen = _file_and_ids(options.routes or str(checkout.routes))
+    file, chosen = _file_and_ids(str(checkout.routes) if options.routes is None else options.routes)
     _check_numbers(options)
     executor = Bench2DriveExecutor(
         checkout, folder=options.out, routes=file, slots=options.slots, gpus=tuple(options.gpu or ()),
@@ -169,11 +169,19 @@ def _line(result: EpisodeResult) -> str:
 
 
 def _file_and_ids(spec: str) -> tuple[Path, list[str]]:
-    """Return the absolute route file and the ids after its colon; no ids stand for all routes of the file."""
+    """Return the absolute route file and the ids after its colon; without a colon no ids, which stand for all routes.
+
+    Raises `UsageError` where the file or the ids are empty, for example from an unset variable.
+    """
+    if not spec.strip():
+        raise UsageError("--routes is empty, expected FILE.xml or FILE.xml:id,id. Leave it out to drive all 220.")
     name, colon, wanted = spec.rpartition(":")
     if not colon or Path(spec).is_file():
-        name, wanted = spec, ""
-    return Path(name).resolve(), [item.strip() for item in wanted.split(",") if item.strip()]
+        return Path(spec).resolve(), []
+    ids = [item.strip() for item in wanted.split(",") if item.strip()]
+    if not ids:
+        raise UsageError(f"no route ids after {name!r}: give some, or leave the colon out to drive all of the file.")
+    return Path(name).resolve(), ids
 
 
 if __name__ == "__main__":

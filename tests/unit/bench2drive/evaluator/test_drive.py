@@ -459,6 +459,8 @@ def test_a_finished_episode_is_not_driven_again(
     [
         (["--setting", "fog 3"], "fog 3"),
         (["--routes", "nowhere.xml"], "nowhere.xml"),
+        (["--routes", ""], "--routes is empty, expected FILE.xml"),
+        (["--routes", "some.xml:,"], "no route ids after 'some.xml'"),
         (["--slots", "0"], "--slots is 0"),
         (["--seed", "-1"], "--seed holds -1, expected whole numbers >= 0"),
         (["--gpu", "-2"], "--gpu is -2, expected 0 or more"),
