@@ -114,7 +114,7 @@ def checked_baseline(document: Any, path: Path) -> Baseline:
             for route_id, item in routes.items()
         }
         return Baseline(document["agent"], blessings, routes)
-    except (TypeError, ValueError, RecursionError) as error:
+    except (TypeError, ValueError) as error:
         raise UsageError(f"{str(path)!r} is not a baseline: {type(error).__name__}: {error}.") from None
 
 

@@ -28,11 +28,7 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
     try:
         check(document)
     except misfit_error as error:
-        name = str(error.name)
-        place = name.removeprefix(_WHOLE).removeprefix(".") or "the document"
-        if error.rule == "required":
-            return f"{place} lacks {next(key for key in error.rule_definition if key not in error.value)!r}"
-        return f"{place}{error.message.removeprefix(name)}, not {_shown(error.value)}"
+        return _told(error)
     return ""
 
 
@@ -49,6 +45,19 @@ def _check_of(name: str, may_lack: MayLack) -> tuple[Callable[[object], object],
     return check, fastjsonschema.JsonSchemaValueException
 
 
+def _told(error: Any) -> str:
+    """Return the place of the schema checker's error, and what is wrong there."""
+    name = str(error.name)
+    place = name.removeprefix(_WHOLE).removeprefix(".") or "the document"
+    if error.rule == "required":
+        return f"{place} lacks {next(key for key in error.rule_definition if key not in error.value)!r}"
+    return f"{place}{error.message.removeprefix(name)}, not {_shown(error.value)}"
+
+
 def _shown(value: object) -> str:
-    text = json.dumps(value)
+    """Return the beginning of a value as JSON; only the kind of one that was nested as deeply as could just be read."""
+    try:
+        text = json.dumps(value)
+    except RecursionError:
+        return f"a deeply nested {'object' if isinstance(value, dict) else 'array'}"
     return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -177,3 +178,11 @@ def test_routes_whose_numbers_are_equal_have_an_order() -> None:
     turned = replace(baseline, routes=dict(reversed(routes.items())))
     assert turned.to_text() == baseline.to_text()
     assert list(json.loads(baseline.to_text())["scores"]["embedded"]["clean"]) == ["0", "00", "9", "10"]
+
+
+def test_a_baseline_that_is_nested_so_deeply_that_it_can_just_be_read_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    for depth in range(1, sys.getrecursionlimit()):
+        nested = "[" * depth + "]" * depth
+        (tmp_path / "a.json").write_text(f'{{"schema": 1, "agent": {nested}, "blessings": {{}}, "scores": {{}}}}')
+        with pytest.raises(UsageError, match=r"is not a baseline: .* not |it is nested too deeply"):
+            read_baseline(tmp_path / "a.json")

@@ -129,6 +129,16 @@ def test_the_place_of_what_was_edited_is_named(tmp_path: Path, field: str, given
         read_document(tmp_path / "run.json")
 
 
+def test_a_run_that_is_nested_so_deeply_that_it_can_just_be_read_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    for depth in range(sys.getrecursionlimit()):
+        nested = "[" * depth + "]" * depth
+        (tmp_path / "run.json").write_text(
+            f'{{"schema": 1, "settings": {nested or 1}, "summaries": [], "episodes": []}}'
+        )
+        with pytest.raises(UsageError, match=r"settings must be object, not |it is nested too deeply"):
+            read_document(tmp_path / "run.json")
+
+
 def test_brackets_without_an_end_are_no_run(tmp_path: Path) -> None:
     (tmp_path / "run.json").write_text("[" * 100_000)
     with pytest.raises(UsageError, match=r"run\.json.* is not valid JSON"):
