@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.regression.fingerprint import Mismatch
-from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, first_of
 from pytest_drive_robust.runner.plan import planned_order
 
 Pair = tuple[RouteScore, RouteScore]
@@ -60,7 +60,7 @@ class Shared:
         ]
         notes = [f"{old} is compared with {new}" for new, old in renamed.items()]
         only_new = [told for old, new in compared for told in _only_in(new, old.routes)]
-        notes += [f"not in {before.label}: {_first_of(only_new)}"] if only_new else []
+        notes += [f"not in {before.label}: {first_of(only_new)}"] if only_new else []
         # Broken and stopped cells of the new run are reported on their own.
         whole = [(old, new.routes) for old, new in pairs if not (new.broken or new.stopped)]
         mismatches = (
@@ -102,7 +102,7 @@ def cut_off(before: Snapshot, lacking: Iterable[str]) -> Iterable[Mismatch]:
     """Yield a mismatch when the old run ended early and lacks these settings (`"AGENT under SETTING"`)."""
     told = list(lacking) if before.ended_early else []
     if told:
-        text = f"not all tests of {before.label} came to their verdicts, and it lacks {_first_of(told)}"
+        text = f"not all tests of {before.label} came to their verdicts, and it lacks {first_of(told)}"
         yield Mismatch("routes", text, "Run the command of that run again")
 
 
@@ -110,7 +110,7 @@ def incomplete(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
     """Yield a mismatch when the old run lacks scores of these cells: with few scores nothing would get worse."""
     told = [f"under {cell.setting}: {cell.broken[0]}" for cell in cells if cell.broken]
     if told:
-        yield Mismatch("routes", f"{label} is incomplete {_first_of(told)}", "Run the command of that run again")
+        yield Mismatch("routes", f"{label} is incomplete {first_of(told)}", "Run the command of that run again")
 
 
 def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
@@ -119,7 +119,7 @@ def stopped(label: str, cells: Iterable[Cell]) -> Iterable[Mismatch]:
     if told:
         text = f"{label} was driven only until its verdicts were clear, so its scores cannot be compared"
         yield Mismatch(
-            "routes", f"{text}: {_first_of(told)}", "Drive that run with --drive-save or --drive-verdict=point"
+            "routes", f"{text}: {first_of(told)}", "Drive that run with --drive-save or --drive-verdict=point"
         )
 
 
@@ -127,7 +127,7 @@ def not_driven(before: str, after: str, pairs: Iterable[tuple[Cell, Collection[s
     """Yield a mismatch when the new run lacks routes of the old run; `pairs` are (old cell, routes of the new run)."""
     told = [told for old, routes in pairs for told in _only_in(old, routes)]
     if told:
-        yield Mismatch("routes", f"{after} lacks routes of {before}: {_first_of(told)}", "Drive these routes, too")
+        yield Mismatch("routes", f"{after} lacks routes of {before}: {first_of(told)}", "Drive these routes, too")
 
 
 def other_content(old: Cell, digests: Mapping[str, str]) -> Iterable[Mismatch]:
@@ -145,8 +145,3 @@ def _only_in(one: Cell, other: Collection[str]) -> Iterable[str]:
     if lacking:
         shown = first_few(lacking, _MOST_ROUTES)
         yield f"{len(lacking)} of {len(one.routes)} under {one.setting} ({shown})"
-
-
-def _first_of(told: Sequence[str]) -> str:
-    others = len(told) - 1
-    return told[0] + (f", and so under {others} more setting{'' if others == 1 else 's'}" if others else "")

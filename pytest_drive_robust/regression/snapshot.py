@@ -119,14 +119,14 @@ class Snapshot:
 
     @property
     def lacks(self) -> str:
-        """A clause about what an incomplete run lacks, such as `"a under clean on 7, seed 0: no map (and 1 more)"`."""
+        """A clause about what an incomplete run lacks, such as `"a under clean on 7, seed 0: no map, and 1 more"`."""
         broken = [f"{cell.name} on {told}" for cell in self.cells.values() for told in cell.broken]
-        return _first_of(broken) or ("not all of its tests came to their verdicts" if self.ended_early else "")
+        return first_of(broken) or ("not all of its tests came to their verdicts" if self.ended_early else "")
 
     @property
     def left_out(self) -> str:
-        """The routes that verdicts left out, such as `"3 of 10 routes of dev10 under clean (and 1 more)"`; or empty."""
-        return _first_of([f"{told} under {cell.setting}" for cell in self.cells.values() for told in cell.stopped])
+        """The routes that verdicts left out, such as `"3 of 10 routes of dev10 under clean, and 1 more"`; or empty."""
+        return first_of([f"{told} under {cell.setting}" for cell in self.cells.values() for told in cell.stopped])
 
     def of_agent(self, agent: str) -> Snapshot:
         """Return the snapshot with the cells of one agent."""
@@ -138,6 +138,7 @@ class Snapshot:
         return tuple(dict.fromkeys(agent for agent, _ in self.cells))
 
 
-def _first_of(told: Sequence[str]) -> str:
-    more = f" (and {len(told) - 1} more)" if len(told) > 1 else ""
+def first_of(told: Sequence[str]) -> str:
+    """Return `"a under clean on 7, and 2 more"`: the first of some clauses and the number of the others; or empty."""
+    more = f", and {len(told) - 1} more" if len(told) > 1 else ""
     return told[0] + more if told else ""

@@ -143,7 +143,7 @@ def test_a_run_that_stopped_at_its_verdicts_is_not_blessed(capsys: pytest.Captur
     assert main(["bless", "early", "--reason", "why"]) == 4
     told = capsys.readouterr().err
     assert (
-        "early was driven only until its verdicts were clear, on 12 of 40 routes of routes.xml under clean (and 1 more)"
+        "early was driven only until its verdicts were clear, on 12 of 40 routes of routes.xml under clean, and 1 more"
         in told
     )
     assert "Drive it with --drive-save, or with --drive-verdict=point." in told

@@ -127,8 +127,8 @@ def test_routes_that_the_new_run_did_not_drive_are_other_routes(capsys: pytest.C
     assert main(["compare", "a", "b"]) == 4
     shown = capsys.readouterr().out
     assert (
-        "NOT COMPARED with a: b lacks routes of a: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and so under "
-        "1 more setting. Drive these routes, too, or give --on-mismatch=warn" in shown
+        "NOT COMPARED with a: b lacks routes of a: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and 1 more. "
+        "Drive these routes, too, or give --on-mismatch=warn" in shown
     )
     assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
     shown = capsys.readouterr().out
@@ -137,7 +137,7 @@ def test_routes_that_the_new_run_did_not_drive_are_other_routes(capsys: pytest.C
     assert "no regression on 10 of 40 routes in 2 settings against a: not one score changed" in shown
     assert main(["compare", "b", "a"]) == 0
     shown = capsys.readouterr().out
-    assert "note: not in b: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and so under 1 more setting" in shown
+    assert "note: not in b: 30 of 40 under clean (11, 12, 13, 14, 15 and 25 more), and 1 more" in shown
     assert "no regression on 10 of 40 routes in 2 settings against b: not one score changed" in shown
 
 
@@ -151,9 +151,7 @@ def test_a_run_that_stopped_at_its_verdicts_says_nothing_about_two_runs(
     assert main(["compare", "a", "b"]) == 4
     shown = capsys.readouterr().out
     assert f"NOT COMPARED with a: {which} was driven only until its verdicts were clear, so its scores " in shown
-    assert (
-        "12 of 40 routes of routes.xml under clean, and so under 1 more setting. Drive that run with --drive-" in shown
-    )
+    assert "12 of 40 routes of routes.xml under clean, and 1 more. Drive that run with --drive-" in shown
     assert shown.count("refused: ") == 1
     assert main(["compare", "a", "b", "--on-mismatch", "warn"]) == 0
     assert "no regression on 12 of 40 routes in 2 settings against a" in capsys.readouterr().out

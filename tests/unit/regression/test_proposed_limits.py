@@ -75,7 +75,7 @@ def test_a_run_that_stopped_at_its_verdicts_gives_none() -> None:
     whole = run([100.0] * 5, [90.0] * 5)
     cells = {key: replace(cell, stopped=("5 of 44 routes of all",)) for key, cell in whole.cells.items()}
     with pytest.raises(
-        UsageError, match=r"clear, on 5 of 44 routes of all under clean \(and 1 more\).*--drive-verdict=point"
+        UsageError, match=r"clear, on 5 of 44 routes of all under clean, and 1 more.*--drive-verdict=point"
     ):
         limits(replace(whole, cells=cells))
 
