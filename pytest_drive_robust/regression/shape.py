@@ -1,4 +1,4 @@
-"""Finds a place of a JSON document that does not fit the document's published schema, one of `report/schema/`."""
+"""Finds a place of a JSON document that does not fit the document's schema, a published one of `report/schema/`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ _FOLDER = Path(__file__).parents[1] / "report" / "schema"
 _MOST_CHARACTERS = 60
 _WHOLE = "data"  # what fastjsonschema calls the document
 
+_Check = tuple[Callable[[object], object], Any]
 MayLack = tuple[tuple[str, tuple[str, ...]], ...]
 """Names of rules in a schema, `""` for the whole document, each with keys that an object of this rule may lack."""
 
@@ -24,25 +25,37 @@ def misfit(document: object, schema: str, *, may_lack: MayLack = ()) -> str:
 
     `'episodes[3].driving_score must be number or null, not "high"'`
     """
-    check, misfit_error = _check_of(schema, may_lack)
+    return _found_by(_check_of(schema, may_lack), document)
+
+
+def misfit_of(document: object, schema: dict[str, Any]) -> str:
+    """Return what `misfit` returns, by a schema that is not published."""
+    return _found_by(_compiled(schema), document)
+
+
+def _found_by(check: _Check, document: object) -> str:
+    find, misfit_error = check
     try:
-        check(document)
+        find(document)
     except misfit_error as error:
         return _told(error)
     return ""
 
 
 @functools.cache
-def _check_of(name: str, may_lack: MayLack) -> tuple[Callable[[object], object], Any]:
-    """Return what checks a document, and the error that it raises: a nested session imports that library anew."""
-    import fastjsonschema
-
+def _check_of(name: str, may_lack: MayLack) -> _Check:
     schema: dict[str, Any] = json.loads((_FOLDER / f"{name}.schema.json").read_text(encoding="utf-8"))
     for rule, keys in may_lack:
         part = schema["$defs"][rule] if rule else schema
         part["required"] = [key for key in part["required"] if key not in keys]
-    check: Callable[[object], object] = fastjsonschema.compile(schema)
-    return check, fastjsonschema.JsonSchemaValueException
+    return _compiled(schema)
+
+
+def _compiled(schema: dict[str, Any]) -> _Check:
+    """Return what checks a document, and the error that it raises: a nested session imports that library anew."""
+    import fastjsonschema
+
+    return fastjsonschema.compile(schema), fastjsonschema.JsonSchemaValueException
 
 
 def _told(error: Any) -> str:

@@ -23,6 +23,7 @@ from drive_robust_agents.training.data.shards import Shard, WrittenShard
 from drive_robust_agents.training.prerequisites import require_packages
 from pytest_drive_robust import Setting
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.shape import misfit_of
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -35,9 +36,21 @@ _ASKED = "collect.json"
 _GROWS = ("per_type", "routes")
 """Fields that may grow in a later run, which appends routes to a folder."""
 _MOST_S = 5.0
-_NEVER_LACKS = ("agent", "beta", "dagger")
-_WRITTEN_AS = {"int": (int,), "float": (int, float), "str": (str,), "tuple": (list,), "None": (type(None),)}
-"""The classes of what JSON holds, by the name of the class that a field of `Collection` is annotated with."""
+_NUMBER, _TEXTS = {"type": "number"}, {"type": "array", "items": {"type": "string"}}
+_WHOLE_NUMBER, _SOME = {"type": "integer"}, {"type": "integer", "minimum": 1}
+_SHAPE: dict[str, Any] = {
+    "$schema": "http://json-schema.org/draft-04/schema#",  # later drafts take 1.0 for a whole number
+    "type": "object",
+    "required": ["agent", "beta", "dagger"],  # older files lack some of the others
+    "properties": {
+        "agent": {"type": "string"}, "route_seed": _WHOLE_NUMBER, "per_type": _WHOLE_NUMBER,
+        "routes": {"type": ["integer", "null"]}, "episodes": _WHOLE_NUMBER, "data_seed": _WHOLE_NUMBER,
+        "shard_routes": _SOME, "dagger": {"type": ["string", "null"]}, "beta": _NUMBER, "types": _TEXTS,
+        "settings": _TEXTS, "room_s": _NUMBER, "halt_s": _NUMBER,
+        "cameras": {"type": "array", "items": {"type": "object", "required": ["name"]}},
+    },
+}  # fmt: skip
+"""The schema of a collection's file: the fields of `Collection`, and what `_claim` adds and later calls read."""
 _DRAWS = (
     "route_seed", "data_seed", "per_type", "routes", "episodes", "types", "settings", "room_s", "halt_s", "simulator",
 )  # fmt: skip
@@ -189,7 +202,7 @@ def _asked_in(folder: Path) -> dict[str, Any]:
         return {}
     try:
         asked = json.loads(file.read_text(encoding="utf-8"))
-        wrong = _misfit(asked)
+        wrong = misfit_of(asked, _SHAPE)
     except (ValueError, RecursionError) as error:
         wrong = f"it is not valid JSON: {error}"
     if wrong:
@@ -198,25 +211,6 @@ def _asked_in(folder: Path) -> dict[str, Any]:
             "into a new folder."
         )
     return dict(asked)
-
-
-def _misfit(asked: object) -> str:
-    """Return what is wrong with the content of a collection's file; `""` when nothing is. Older files lack fields."""
-    if not isinstance(asked, dict):
-        return f"it holds a {type(asked).__name__}, expected an object"
-    for name in _NEVER_LACKS:
-        if name not in asked:
-            return f"it holds no {name!r}"
-    for field in fields(Collection):
-        named = [part.partition("[")[0].strip() for part in str(field.type).split("|")]
-        if field.name in asked and not any(type(asked[field.name]) in _WRITTEN_AS[name] for name in named):
-            return f"{field.name!r} is {asked[field.name]!r}, expected {field.type}"
-    if asked.get("shard_routes", 1) < 1:
-        return f"'shard_routes' is {asked['shard_routes']!r}, expected at least 1"
-    cameras = asked.get("cameras", [])
-    if not isinstance(cameras, list) or not all(isinstance(camera, dict) and "name" in camera for camera in cameras):
-        return "'cameras' is not a list of cameras"
-    return ""
 
 
 def draws_of(folder: Path) -> dict[str, Any]:

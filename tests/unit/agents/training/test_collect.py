@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -234,12 +235,18 @@ DAMAGED = [
     (b'{"agent": "tcp", "beta', "it is not valid JSON: "),
     (b"\xff\xfe", "it is not valid JSON: 'utf-8' codec can't decode"),
     (b"[" * 100_000, "it is not valid JSON: "),
-    (b"[1, 2]", "it holds a list, expected an object"),
-    (b"{}", "it holds no 'agent'"),
-    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "per_type": "many"}', "'per_type' is 'many', expected int"),
-    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "shard_routes": 0}', "'shard_routes' is 0, expected at least 1"),
-    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "cameras": [3]}', "'cameras' is not a list of cameras"),
+    (b"[1, 2]", "the document must be object, not [1, 2]"),
+    (b"{}", "the document lacks 'agent'"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "per_type": "many"}', 'per_type must be integer, not "many"'),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "episodes": 2.0}', "episodes must be integer, not 2.0"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "shard_routes": 0}', "shard_routes must be bigger than or equal"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "settings": [5]}', "settings[0] must be string, not 5"),
+    (b'{"agent": "tcp", "beta": 0.5, "dagger": null, "cameras": [3]}', "cameras[0] must be object, not 3"),
 ]
+
+
+def test_every_field_of_a_collection_is_looked_at_where_its_file_is_read() -> None:
+    assert {field.name for field in fields(Collection)} <= collect_module._SHAPE["properties"].keys()
 
 
 @pytest.mark.parametrize(("content", "wrong"), DAMAGED, ids=[wrong for _, wrong in DAMAGED])
