@@ -83,8 +83,9 @@ def read_fields(cls: Any, source: OptionSource) -> dict[str, Any]:
 def _parsed(parse: Callable[..., Any], given: Sequence[GivenText]) -> Any:
     try:
         return parse(*given)
-    except OSError as error:  # a path may be too long, for example
-        raise UsageError(f"{given[0].flag} is {given[0].text!r}, which cannot be used: {error.strerror}.") from None
+    except (OSError, ValueError) as error:  # a path may be too long or hold a NUL, a number have too many digits
+        why = getattr(error, "strerror", None) or error
+        raise UsageError(f"{given[0].flag} is {given[0].text!r}, which cannot be used: {why}.") from None
 
 
 def was_given(flag: str, source: OptionSource) -> bool:

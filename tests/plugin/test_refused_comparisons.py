@@ -26,6 +26,8 @@ from pytest_drive_robust.testing import fake_route
         (("--drive-fail-on=,",), "--drive-fail-on is ',', which is empty; expected a drop of DS or SR"),
         (("-o", "drive_fail_on= , "), "--drive-fail-on is ',', which is empty; expected a drop of DS or SR"),
         (("--drive-seeds=,",), "--drive-seeds is ',', expected whole numbers >= 0"),
+        (("--drive-seeds", "9" * 5000), "which cannot be used: Exceeds the limit (4300 digits)"),
+        (("--drive-json", "a\0.json"), "which cannot be used: embedded null byte"),
         (("--drive-routes=routes.xml:,",), "no route ids after 'routes.xml'"),
         (("--drive-results=,",), "--drive-results holds ',', expected SETTING=FOLDER"),
         (("--drive-on-mismatch=wrn",), "Did you mean 'warn'?"),
