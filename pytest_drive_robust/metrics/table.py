@@ -124,7 +124,7 @@ class Metric:
             return function(results)
         except DriveRobustError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             told = f"the metric {self} raised {type(error).__name__}: {error}{_place_of(error)}"
             raise ComparisonError(told) from error
 
@@ -140,7 +140,7 @@ class Metric:
         return text if float(text) == limit else repr(float(limit))
 
 
-def _place_of(error: Exception) -> str:
+def _place_of(error: BaseException) -> str:
     """Return " (file:line)" of the last frame in the user's own file, or an empty string for a function in C."""
     called = traceback.extract_tb(error.__traceback__)[1:]  # the first frame is ours
     own = [frame for frame in called if frame.filename == called[0].filename]

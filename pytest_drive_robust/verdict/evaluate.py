@@ -144,7 +144,7 @@ def yardstick_of(metric: Metric, comparison: str, limit: float, *, mode: str) ->
         try:
             found = metric.measure([result], mode=mode)
             return found if found is not None and math.isfinite(found) else None
-        except Exception:  # a user's function may need several episodes; the ranking is only information
+        except (Exception, SystemExit):  # a user's function may need several episodes; the ranking is only information
             return None
 
     return Yardstick(value, limit, is_upper=comparison == "<=")
@@ -194,9 +194,13 @@ def measure(
             f"the {len(perturbed)} episodes under {perturbed[0].episode.setting!r} hold no data for {metric} "
             f"({metric.meaning}), so there is nothing to judge."
         )
-    if not isinstance(value, numbers.Real) or not math.isfinite(value):
+    try:
+        number = float(value) if isinstance(value, numbers.Real) else math.nan
+    except OverflowError:  # a whole number beyond the floats
+        number = math.inf
+    if not math.isfinite(number):
         raise ComparisonError(f"the metric {metric} gave {value!r}, expected a finite number, or None for no data.")
-    return float(value), _interval(metric, float(value), clean, perturbed, mode)
+    return number, _interval(metric, number, clean, perturbed, mode)
 
 
 def _interval(
@@ -213,10 +217,10 @@ def _interval(
         return bounds
     try:
         without = [function([result for result in perturbed if result.episode.route_id != route]) for route in routes]
-    except Exception:  # a user's function may need more routes; the interval is only information
+        known = [other for other in without if other is not None]
+        return jackknife_interval(value, known, bounds=bounds) if len(known) == len(without) else bounds
+    except (Exception, SystemExit):  # a user's function may need more routes; the interval is only information
         return bounds
-    known = [other for other in without if other is not None]
-    return jackknife_interval(value, known, bounds=bounds) if len(known) == len(without) else bounds
 
 
 def _require_episodes_for(

@@ -51,7 +51,7 @@ def test_a_simulator_that_breaks_is_an_error_where_a_failure_is_expected(suite, 
     result.stdout.fnmatch_lines("*the simulation raised RuntimeError: no map*")
 
 
-@pytest.mark.parametrize("kind", ["SimulationError", "DriveRobustError", "ValueError"])
+@pytest.mark.parametrize("kind", ["SimulationError", "DriveRobustError", "ValueError", "SystemExit"])
 def test_a_metric_that_breaks_is_an_error_where_a_failure_is_expected_whatever_it_raises(suite, kind):
     metric = f"""
 
@@ -59,8 +59,8 @@ _register = pytest_drive_robust_register
 
 
 def bumps(results):
-    from pytest_drive_robust import errors
-    raise getattr(errors, "{kind}", ValueError)("nothing was recorded")
+    from pytest_drive_robust.errors import DriveRobustError, SimulationError
+    raise {kind}("nothing was recorded")
 
 
 def pytest_drive_robust_register(registry):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import statistics
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from result_factory import crashed_simulation, make_result, scored, trace_of
@@ -278,8 +279,17 @@ def test_a_users_metric_without_a_value_where_one_route_is_left_out_has_no_inter
     assert measure(metric, clean=[], perturbed=drives([100.0, 50.0, 20.0])) == (3.0, (metric.low, metric.high))
 
 
-@pytest.mark.parametrize("nothing", [None, math.nan, math.inf])
-def test_a_users_metric_without_a_finite_value_is_an_error(nothing: float | None) -> None:
+@pytest.mark.parametrize("odd", ["many", 10**400])
+def test_a_users_metric_that_gives_something_odd_where_one_route_is_left_out_has_no_interval(odd: object) -> None:
+    def odd_of_two(results: Sequence[EpisodeResult]) -> Any:
+        return 1.0 if len(results) == 3 else odd
+
+    metric = Metric.from_function("odd", odd_of_two)
+    assert measure(metric, clean=[], perturbed=drives([100.0, 50.0, 20.0])) == (1.0, (metric.low, metric.high))
+
+
+@pytest.mark.parametrize("nothing", [None, math.nan, math.inf, 10**400, "much"])
+def test_a_users_metric_without_a_finite_value_is_an_error(nothing: Any) -> None:
     metric = Metric.from_function("nothing", lambda results: nothing)
 
     with pytest.raises(ComparisonError, match="nothing"):
