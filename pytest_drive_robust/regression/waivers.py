@@ -141,6 +141,8 @@ def read_waivers(path: Path) -> tuple[Waiver, ...]:
         document = tomllib.loads(path.read_text(encoding="utf-8-sig"))  # some editors write a byte order mark
     except OSError as error:
         raise UsageError(f"the waivers {str(path)!r} cannot be read: {error.strerror}.") from None
+    except RecursionError:
+        raise UsageError(f"the waivers {str(path)!r} are not valid TOML: they are nested too deeply.") from None
     except ValueError as error:
         raise UsageError(f"the waivers {str(path)!r} are not valid TOML: {error}.") from None
     given = document.pop("waiver", [])

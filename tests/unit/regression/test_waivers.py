@@ -213,6 +213,7 @@ def test_a_file_is_read_with_dates_and_comments(tmp_path: Path) -> None:
             "expected a date",
         ),
         ("[[waiver", "are not valid TOML"),
+        ("a = " + "[" * 5000, "are not valid TOML: they are nested too deeply"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_with_its_place(tmp_path: Path, text: str, told: str) -> None:
