@@ -12,7 +12,7 @@ from io import TextIOWrapper
 from typing import Any, NoReturn
 
 from pytest_drive_robust import __version__
-from pytest_drive_robust.errors import DriveRobustError, did_you_mean
+from pytest_drive_robust.errors import DriveRobustError, UsageError, did_you_mean
 from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.registry.plugins import register_names_of
 from pytest_drive_robust.registry.registry import default_registry
@@ -115,13 +115,14 @@ class _CommandParser(_Parser):
         """Let the command's module add its arguments, then parse.
 
         Options may stand between positional arguments. Without that, Python before 3.12 does not find an optional
-        positional argument (DIR of `export`) behind an option.
+        positional argument (DIR of `export`) behind an option. Raises `UsageError` for an option with a blank value.
         """
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
         if self._intermixed:
             return super().parse_known_args(*arguments, **options)
+        self._refuse_blank(*arguments[:1])
         if self.get_default("command") is None:  # it has commands of its own
             parsed, unknown = super().parse_known_args(*arguments, **options)
         else:
@@ -134,3 +135,16 @@ class _CommandParser(_Parser):
             meant = did_you_mean(unknown[0].partition("=")[0], self._option_string_actions)
             self.error(f"unrecognized arguments: {' '.join(unknown)}.{meant}")
         return parsed, unknown
+
+    def _refuse_blank(self, words: Sequence[str]) -> None:
+        """Raise `UsageError` for an option with a blank value, for example from an unset variable of CI.
+
+        Such a value would mean the default: another store would be emptied, or no file be written.
+        """
+        for word, next_word in zip(words, (*words[1:], "the end"), strict=False):
+            flag, equals, text = word.partition("=")
+            given, option = text if equals else next_word, self._option_string_actions.get(flag)
+            if option is not None and option.nargs != 0 and not given.strip():
+                expected = f", expected {option.metavar}" if option.metavar else ""
+                advice = "" if option.required else " Leave it out to use the default."
+                raise UsageError(f"{flag} is empty{expected}.{advice}")

@@ -50,12 +50,11 @@ def test_what_was_found_is_written_for_machines(tmp_path: Path) -> None:
     assert {cell["setting"]: cell["verdict"] for cell in found["cells"]} == {"clean": "pass", "200 ms latency": "fail"}
 
 
-@pytest.mark.parametrize("nothing", ["", ","])
-def test_an_empty_list_of_what_may_get_worse_is_refused(nothing: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_list_of_what_may_get_worse_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     store_run("a")
     store_run("b")
-    assert main(["compare", "a", "b", "--fail-on", nothing]) == 4
-    assert f"--fail-on is {nothing!r}, which is empty; expected" in capsys.readouterr().err
+    assert main(["compare", "a", "b", "--fail-on", ","]) == 4
+    assert "--fail-on is ',', which is empty; expected" in capsys.readouterr().err
 
 
 def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(capsys: pytest.CaptureFixture[str]) -> None:

@@ -38,6 +38,23 @@ def test_a_plugin_that_cannot_be_used_exits_with_4_and_one_message(
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ["compare", "a", "b", "--json", ""],
+        ["compare", "a", "--fail-on=", "b"],
+        ["store", "gc", "--older-than", "30d", "--store", " "],
+        ["doctor", "--python="],
+        ["bless", "a", "--reason", ""],
+    ],
+    ids=" ".join,
+)
+def test_an_option_with_a_blank_value_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    flag = next(word.rstrip("=") for word in reversed(words) if word.startswith("--"))
+    assert main(words) == 4
+    assert f"drive-robust: {flag} is empty, expected " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     ("hook", "told"),
     [
         ("(reg): pass", "but its pytest_drive_robust_register(reg) raised TypeError: "),

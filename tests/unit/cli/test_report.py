@@ -58,7 +58,7 @@ def test_against_a_run_of_more_routes_compares_on_request_only(tmp_path):
     [
         (["on"], "Did you mean 'one'?"),
         (["one", "--against", "tw"], "there is no stored run named 'tw'"),
-        (["one", "--against", ""], "there is no stored run named ''"),
+        (["one", "--against", ""], "--against is empty, expected"),
         (["one", "--out", "."], "holds other things"),
         (["one", "--films", "films"], "--films is 'films'"),
     ],
