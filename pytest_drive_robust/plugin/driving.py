@@ -75,6 +75,8 @@ class DrivingPlugin:
         passed = call.excinfo is None and (not report.failed or _passed_unexpectedly(report))
         if error is None and passed and item.stash.get(BODY_ENDED, True):  # else it is the report of a subtest
             error = left_unjudged(item, call.when)
+            if error is not None:
+                vars(report)[BROKE] = True  # a plain attribute: pytest-xdist sends it from workers
         if error is None and report.when == "call" and report.passed:
             report.user_properties += [(UNHEEDED, _first_line(told)) for told in raised[:1]]
         item.stash[RAISED] = [told for told in raised if told is not error]  # a subtest reported it
@@ -91,10 +93,7 @@ class DrivingPlugin:
         return report
 
     def _complete(self, report: pytest.TestReport, item: pytest.Item, error: BaseException | None) -> None:
-        """Mark the report of a failed test, and let it begin with our message, if that is what the test failed by.
-
-        The marks are plain attributes: pytest-xdist sends them from workers.
-        """
+        """Mark the report of a failed test, and let it begin with our message, if that is what the test failed by."""
         if _broke(item, report, error):
             vars(report)[BROKE] = True
         if _is_unanswered(item, error):
