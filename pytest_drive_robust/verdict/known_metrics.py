@@ -9,7 +9,7 @@ from pytest_drive_robust.registry.registry import default_registry
 
 def known_metric(name: str) -> Metric:
     """Return the metric of that name. Raises `RequirementError` with the nearest name, or a broken plugin's error."""
-    if name in METRICS:
+    if isinstance(name, str) and name in METRICS:  # a list has no place in a mapping
         return METRICS[name]
     names = metric_names()
     if name not in names:

@@ -40,3 +40,9 @@ def test_a_comparison_without_the_limit_itself_is_refused_with_the_one_to_write(
 def test_asserting_what_has_no_limit_is_refused() -> None:
     with pytest.raises(RequirementError, match="has no limit yet"):
         assert requirement("RD", LATE)
+
+
+@pytest.mark.parametrize("metric", [5, ["RD"], None])
+def test_what_is_no_name_of_a_metric_is_refused_as_an_unknown_name(metric: object) -> None:
+    with pytest.raises(RequirementError, match=r"no metric named .*Expected one of RD, DS, SR"):
+        requirement(metric, LATE)  # type: ignore[arg-type]
