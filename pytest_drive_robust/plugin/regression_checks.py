@@ -53,8 +53,7 @@ class RegressionChecks:
             def driven_with(agent: str) -> Fingerprint:
                 return Fingerprint(self._simulator, self._stuck_stop_s, versions=scopes.versions_of(agent))
 
-            policy = self._regression.policy
-            check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, policy=policy)
+            check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, terms=self._terms)
 
     def finish(self, run: RunResult, document_of_run: Callable[[], Mapping[str, object]], *, whole: bool) -> bool:
         """Review the waivers, compare and store the run; return True when the run must not be green.

@@ -23,12 +23,14 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
     of `before` that `after` lacks is a mismatch, because its result is unknown. A setting of `before` that `after`
     lacks is only a note, because people select tests.
 
-    Raises `UsageError` when the two runs have no agent, setting and route in common.
+    Raises `UsageError` when the two runs have no agent, setting and route in common, or only clean settings although
+    nothing but a rise of RD is to be judged.
     """
     terms = terms or Terms()
     shared = Shared.of(before, after)
     if not shared.compared:
         raise UsageError(_nothing_in_common(before, after))
+    require_more_than_rd_of_clean(terms.allowances, [new.setting for _, new in shared.compared])
     cells = tuple(_compared(before, after, cells, terms) for cells in shared.compared)
     found = [*shared.mismatches, *(item for cells in shared.compared for item in _cell_mismatches(*cells))]
     return Comparison(
@@ -41,6 +43,15 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
         unscored=tuple(f"{cell.name}: {_not_scored(cell)}" for cell in shared.unscored),
         elsewhere=len(shared.lacking),
     )
+
+
+def require_more_than_rd_of_clean(allowances: Sequence[Allowance], settings: Sequence[str]) -> None:
+    """Raise `UsageError` where nothing is judged: RD under each of the common `settings` is 0 in every run."""
+    if all(item.metric == "RD" for item in allowances) and all(_clean_sentence(name) == name for name in settings):
+        raise UsageError(
+            "there is nothing to judge: only a rise of RD is to fail, RD under clean is 0 in every run, and both runs "
+            "hold no other setting. Let a drop of DS or SR fail, too, as in ds:-5%."
+        )
 
 
 def _nothing_in_common(before: Snapshot, after: Snapshot) -> str:

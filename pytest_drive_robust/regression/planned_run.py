@@ -6,7 +6,9 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from itertools import chain
 
 from pytest_drive_robust.errors import UsageError, first_few
-from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, MismatchPolicy, mismatches, stuck_stops
+from pytest_drive_robust.regression.comparison import require_more_than_rd_of_clean
+from pytest_drive_robust.regression.comparison_result import Terms
+from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches, stuck_stops
 from pytest_drive_robust.regression.shared_routes import (
     cut_off,
     incomplete,
@@ -30,7 +32,7 @@ def check_planned_run(
     *,
     whole: bool,
     driven_with: Callable[[str], Fingerprint],
-    policy: MismatchPolicy,
+    terms: Terms,
 ) -> None:
     """Raise `UsageError` when a comparison with `before` would be refused, however the planned episodes end.
 
@@ -57,10 +59,12 @@ def check_planned_run(
     ]
     if whole and planned and not any(old.routes.keys() & routes for old, routes in pairs):
         raise UsageError(_nothing_in_common(before, planned))
+    if whole and planned:
+        require_more_than_rd_of_clean(terms.allowances, [old.setting for old, _ in pairs])
     found = chain(
         cut_off(before, lacking), _driven_otherwise(common, driven_with), _of_routes(before, pairs, whole=whole)
     )
-    refused = next((item for item in found if item.refuses(policy)), None)
+    refused = next((item for item in found if item.refuses(terms.policy)), None)
     if refused is not None:
         raise UsageError(
             f"{_LABEL} could not be compared with {before.label}: {refused.text}. {refused.advice}, or give "

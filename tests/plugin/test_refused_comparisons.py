@@ -145,6 +145,13 @@ def test_a_run_with_nothing_in_common_is_refused(suite, driven):
     assert "before holds steady under clean." in told
 
 
+def test_a_rise_of_rd_alone_is_refused_where_both_runs_drive_clean_alone(suite, driven):
+    folder = suite(ALSO)
+    run(folder, "--drive-save=before")
+    told = refused(folder, driven, "--drive-compare=before", "--drive-fail-on=rd:+0.05")
+    assert "there is nothing to judge: only a rise of RD is to fail" in told
+
+
 def test_a_run_whose_time_was_spent_is_no_reference(suite, driven):
     folder = suite(HOLDS)
     run(folder, "--drive-save=before")

@@ -208,6 +208,13 @@ def test_a_success_that_was_lost_without_a_change_of_its_driving_score_is_a_chan
     assert found.changed == 20
 
 
+def test_a_rise_of_rd_is_not_judged_where_both_runs_hold_clean_settings_only() -> None:
+    clean, worse = snapshot(cell([90.0] * 40)), snapshot(cell([10.0] * 40))
+    with pytest.raises(UsageError, match=r"nothing to judge: only a rise of RD .* as in ds:-5%"):
+        compare(clean, worse, terms("rd:+0.05"))
+    assert compare(clean, worse, terms("rd:+0.05", "ds:-5%")).regressed
+
+
 def test_rd_without_clean_episodes_is_an_error_not_a_pass() -> None:
     weak = snapshot(cell(BUSY, setting="200 ms latency"))
     (found,) = compare(weak, weak, terms("rd:+0.05")).cells
