@@ -9,8 +9,6 @@ import numpy as np
 from pytest_drive_robust.jit.arrays import Floats1, Floats2, Floats3, Ints1, Ints2
 
 DT_S = 0.05
-STANDING_MPS = 0.1
-"""Speed below which a body counts as standing, for all criteria."""
 EVENT_CAPACITY = 256
 
 # --- ego: one row of floats ---

@@ -15,10 +15,10 @@ from pytest_drive_robust.errors import RouteError, SimulationError, UnknownNameE
 from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import criteria_arrays, finish
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
 from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
     actor_rows,
+    finish,
     pack_world,
     settle,
     settle_turn,
@@ -52,7 +52,7 @@ class World:
         kind.build(self.stage)
         actors, actor_ints, flows, flow_ints, gaps = self.stage.cast.freeze()
         self.statics = _statics(self.dense, self.stage, kind, gaps, options or SimulatorOptions())
-        floats, ints = criteria_arrays()
+        criteria, criteria_ints = _criteria_at_start()
         self.state = State(
             clock=np.array([0, -1], dtype=np.int64),
             ego=_ego_at_start(self.dense, self.stage),
@@ -61,8 +61,8 @@ class World:
             flows=flows,
             flow_ints=flow_ints,
             lights=np.zeros(len(self.lane_map.stop_lines), dtype=np.int64),
-            criteria=floats,
-            criteria_ints=ints,
+            criteria=criteria,
+            criteria_ints=criteria_ints,
             events=np.zeros((c.EVENT_CAPACITY, c.EVENT_COLUMNS)),
         )
         self._rows = np.zeros((len(actors), WorldState.COLUMNS))
@@ -137,6 +137,14 @@ def _ego_at_start(dense: DenseRoute, stage: Stage) -> Floats:
     ego[[c.EGO_X, c.EGO_Y]] = x - right * scalars.sin(yaw), y + right * scalars.cos(yaw)
     ego[[c.EGO_YAW, c.EGO_V]] = wrap_angle(yaw), stage.start_mps
     return ego
+
+
+def _criteria_at_start() -> tuple[Floats, Ints]:
+    criteria = np.zeros(c.CRITERIA_COLUMNS)
+    criteria[[c.C_LAST_HIT_X, c.C_LAST_HIT_Y]] = 1e9  # far away: nothing was hit yet
+    ints = np.zeros(c.CRITERIA_INTS, dtype=np.int64)
+    ints[[c.CI_LAST_LANE, c.CI_STOP_LINE, c.CI_LAST_LIGHT]] = -1
+    return criteria, ints
 
 
 def _clear_start(statics: Statics, state: State) -> None:

@@ -7,6 +7,7 @@ import math
 from pytest_drive_robust.arithmetic.compiled import cos_sin, hypot
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.jit.kernels import entry, inner
+from pytest_drive_robust.simulators.criteria import STANDING_MPS
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
@@ -56,7 +57,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
     again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
-    if not _was_hit_here(world) and not again and v >= c.STANDING_MPS:
+    if not _was_hit_here(world) and not again and v >= STANDING_MPS:
         note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
@@ -64,7 +65,7 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
         # an actor that does not see all scrapes past a standing ego, because stopping would block both for ever
-        if v >= c.STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
+        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
             world.actor_ints[i, c.I_STUN] = STUN_TICKS
             _wake_flow(world, world.actor_ints[i, c.I_FLOW])
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
@@ -126,7 +127,7 @@ def hold_back(world: WorldArrays, before_mps: float) -> None:
     so that a new contact counts as a collision.
     """
     ego = world.ego
-    if before_mps >= c.STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
+    if before_mps >= STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
         return
     along, beside = cos_sin(ego[c.EGO_YAW])
     ahead_m = ego[c.EGO_V] * world.dt_s

@@ -11,10 +11,10 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.jit.arrays import Floats2
 from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import judge
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts, hold_back
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
+from pytest_drive_robust.simulators.embedded.kernels.judge import close, judge
 from pytest_drive_robust.simulators.embedded.kernels.mkz import mkz_turn
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose, survey
 from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows, run_flows, set_lights
@@ -46,6 +46,12 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
     contacts(world)
     world.ego[c.EGO_FORWARD] = (world.ego[c.EGO_V] - before_mps) / world.dt_s
     judge(world)
+
+
+@entry
+def finish(world: WorldArrays) -> None:
+    """Judge the criteria that are known only at the end of the episode."""
+    close(world)
 
 
 @entry

@@ -1,4 +1,4 @@
-"""Run the scripted parts of a scenario: lights, flows of cars, and the scripts of actors."""
+"""Run the scenario: its start and its end, lights, flows of cars, and the scripts of actors."""
 
 from __future__ import annotations
 
@@ -9,9 +9,26 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
+TRIGGER_RADIUS_M = 2.0
 JUNCTION_M, STOPPING_MPS2 = 30.0, 3.0
 _GREEN = int(LightState.GREEN)
 _STOP_SIGN = int(LightState.STOP_SIGN)
+
+
+@inner
+def start_and_end(world: WorldArrays) -> None:
+    """Start the scenario when the ego comes to the trigger, and end it at its end."""
+    s = world.route_s[world.criteria_ints[c.CI_PROGRESS]]
+    if world.clock[1] < 0 and s >= world.trigger_m - TRIGGER_RADIUS_M:
+        world.clock[1] = world.clock[0]
+    if world.clock[1] >= 0 and s >= world.scenario_end_m:
+        world.criteria_ints[c.CI_SCENARIO_OVER] = 1
+
+
+@inner
+def scenario_runs(world: WorldArrays) -> bool:
+    """Return whether the scenario has started and is not over."""
+    return bool(world.clock[1] >= 0 and world.criteria_ints[c.CI_SCENARIO_OVER] == 0)
 
 
 @inner
