@@ -93,9 +93,9 @@ class Cast:
         """Add one actor and return its number. An actor without a script follows its mode."""
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
         row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[spec.kind]
-        row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = spec.s_m, spec.right_m, spec.right_m
+        row[[c.A_ALONG_M, c.A_RIGHT_M, c.A_TARGET_RIGHT_M]] = spec.s_m, spec.right_m, spec.right_m
         row[[c.A_V, c.A_TARGET_V]] = spec.speed_mps, spec.speed_mps if spec.target_mps is None else spec.target_mps
-        row[[c.A_LAT_RATE, c.A_END_S, c.A_SYNC_M]] = spec.lateral_mps, spec.end_m, spec.sync_m
+        row[[c.A_LATERAL_MPS, c.A_END_M, c.A_SYNC_M]] = spec.lateral_mps, spec.end_m, spec.sync_m
         row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = spec.brake_mps2, spec.accel_mps2, spec.yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH]] = int(spec.kind), spec.mode, spec.path
         whole[c.I_AT_END] = c.AT_END_LEAVE if spec.leaves else c.AT_END_STAY
@@ -116,7 +116,7 @@ class Cast:
         row, whole = self.rows[actor], self.ints[actor]
         whole[c.I_PHASE] = c.PHASE_WAITING
         whole[c.I_RELATIVE] = script.relative
-        row[[c.A_SCRIPT_V, c.A_SCRIPT_LAT, c.A_SCRIPT_S]] = script.speed_mps, script.right_m, script.seconds
+        row[[c.A_SCRIPT_V, c.A_SCRIPT_RIGHT_M, c.A_SCRIPT_S]] = script.speed_mps, script.right_m, script.seconds
         row[[c.A_AFTER_V, c.A_DELAY_S]] = script.after_mps, script.delay_s
         if isinstance(trigger, Arrival):
             whole[c.I_TRIGGER] = c.TRIGGER_ARRIVAL

@@ -28,7 +28,7 @@ def score_of(world: World, options: SimulatorOptions) -> EpisodeScore:
     """Return the score of a finished episode from its criteria."""
     end = ENDS.get(int(world.state.criteria_ints[c.CI_END]), End.SIMULATION_CRASHED)
     passed = float(world.dense.s[world.state.criteria_ints[c.CI_PROGRESS]])
-    here = int(world.state.clock[0]), float(world.state.ego[c.EGO_X]), float(world.state.ego[c.EGO_Y])
+    here = int(world.state.clock[c.TICK]), float(world.state.ego[c.EGO_X]), float(world.state.ego[c.EGO_Y])
     outside, off_route = (float(world.state.criteria[k]) for k in (c.C_OUTSIDE_M, c.C_OFFROUTE_M))
     strayed = off_route > DEVIATION_SHARE * world.dense.length_m
     at_the_end = closing_infractions(end, outside_m=outside, passed_m=passed, strayed=strayed, here=here)

@@ -88,7 +88,7 @@ class World:
         ego = self.state.ego
         count = actor_rows(self._arrays, self._rows)
         return WorldState(
-            tick=int(self.state.clock[0]),
+            tick=int(self.state.clock[c.TICK]),
             ego=EgoState(
                 x_m=float(ego[c.EGO_X]),
                 y_m=float(ego[c.EGO_Y]),
@@ -204,7 +204,7 @@ def _statics(dense: DenseRoute, stage: Stage, kind: ScenarioType, gaps: Floats, 
         paths=np.concatenate(stage.paths),
         path_start=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
         path_step=np.array(steps),
-        path_stop_s=stop_s,
+        path_stop_m=stop_s,
         path_stop_line=stop_line,
         lanes=np.concatenate([lane.centre for lane in usable]),
         lane_of=np.concatenate([np.full(len(lane.centre), lane.index) for lane in usable]).astype(np.int64),

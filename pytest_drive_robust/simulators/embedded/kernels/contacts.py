@@ -56,12 +56,12 @@ def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> No
     """Record a contact, once per actor and 5 s, once per 5 m of road, never for a standing ego; push the ego out."""
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
-    again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
+    again = i >= 0 and (world.clock[c.TICK] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
     if not _was_hit_here(world) and not again and v >= STANDING_MPS:
         note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
-            world.actor_ints[i, c.I_LAST_HIT] = world.clock[0]
+            world.actor_ints[i, c.I_LAST_HIT] = world.clock[c.TICK]
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
         # an actor that does not see all scrapes past a standing ego, because stopping would block both for ever
@@ -164,6 +164,6 @@ def note(world: WorldArrays, kind: int, actor: float, value: float) -> None:
     count = world.criteria_ints[c.CI_EVENTS]
     if count < len(world.events):
         row = world.events[count]
-        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, world.clock[0], actor, value
+        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, world.clock[c.TICK], actor, value
         row[c.EV_X], row[c.EV_Y] = world.ego[c.EGO_X], world.ego[c.EGO_Y]
         world.criteria_ints[c.CI_EVENTS] = count + 1

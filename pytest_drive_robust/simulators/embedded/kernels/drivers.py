@@ -111,13 +111,13 @@ def _acceleration(world: WorldArrays, i: int) -> float:
         notices_m = notices_mps = math.inf
         if whole[c.I_SEES] == c.SEES_LATE:
             notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
-        path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
+        path, s, length = whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_LENGTH]
         gap, leader_v = _leader(
-            world.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m, notices_mps
+            world.survey[path], i, s, actor[c.A_RIGHT_M], length, actor[c.A_WIDTH], notices_m, notices_mps
         )
         line = world.path_stop_line[path]
         if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and world.lights[line] in (_RED, _YELLOW):
-            ahead = world.path_stop_s[path] - s - 0.5 * length
+            ahead = world.path_stop_m[path] - s - 0.5 * length
             if -0.5 < ahead < gap:
                 gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
     wanted = _wanted_speed(actor, whole, world.ego)
@@ -143,17 +143,17 @@ def _move(world: WorldArrays, i: int) -> None:
         accel = _acceleration(world, i)
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
     actor[c.A_ACCEL] = accel
-    actor[c.A_S] += actor[c.A_V] * dt
+    actor[c.A_ALONG_M] += actor[c.A_V] * dt
     # a car moves sideways only as fast as it drives forward
-    most = min(actor[c.A_LAT_RATE], SIDEWAYS_SHARE * actor[c.A_V]) * dt
-    shift = min(max(actor[c.A_TARGET_LAT] - actor[c.A_LAT], -most), most)
-    actor[c.A_LAT] += shift
-    if actor[c.A_S] >= actor[c.A_END_S]:
-        actor[c.A_S], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_S], 0.0, 0.0
+    most = min(actor[c.A_LATERAL_MPS], SIDEWAYS_SHARE * actor[c.A_V]) * dt
+    shift = min(max(actor[c.A_TARGET_RIGHT_M] - actor[c.A_RIGHT_M], -most), most)
+    actor[c.A_RIGHT_M] += shift
+    if actor[c.A_ALONG_M] >= actor[c.A_END_M]:
+        actor[c.A_ALONG_M], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_M], 0.0, 0.0
         if whole[c.I_AT_END] == c.AT_END_LEAVE:
             whole[c.I_ACTIVE] = c.ABSENT
     _show(actor, whole, accel, shift)
-    x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
+    x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_RIGHT_M])
     if shift != 0.0 and not walks:
         # a body that shifts sideways also turns its heading that way
         yaw += atan2(shift / dt, max(actor[c.A_V], 1.0))

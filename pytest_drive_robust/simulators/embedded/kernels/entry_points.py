@@ -35,7 +35,7 @@ def pack_world(statics: Statics, state: State) -> WorldArrays:
 @entry
 def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
     """Advance by one tick: time, lights, traffic, ego, contacts, criteria."""
-    world.clock[0] += 1
+    world.clock[c.TICK] += 1
     set_lights(world)
     run_flows(world)
     survey(world)
@@ -69,7 +69,7 @@ def settle(world: WorldArrays) -> None:
     for i in range(len(world.actors)):
         whole, actor = world.actor_ints[i], world.actors[i]
         if whole[c.I_PATH] >= 0:
-            x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
+            x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_RIGHT_M])
             actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
     fill_flows(world)
 

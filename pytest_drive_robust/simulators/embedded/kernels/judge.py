@@ -163,6 +163,6 @@ def _end(world: WorldArrays) -> int:
         return c.END_BLOCKED
     if criteria[c.C_STILL_S] > world.stuck_stop_s:
         return c.END_STUCK
-    if world.clock[0] >= world.tick_cap:
+    if world.clock[c.TICK] >= world.tick_cap:
         return c.END_TICK_CAP
     return c.END_NONE

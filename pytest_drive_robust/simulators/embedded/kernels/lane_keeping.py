@@ -47,7 +47,7 @@ def _both_ways_allowed(world: WorldArrays) -> bool:
     The count starts when the ego comes near the scenario's place; driving against the traffic is allowed
     `TWO_WAYS_AFTER_S` later. Call this function exactly once a tick, because each call counts.
     """
-    if world.two_ways == c.TWO_WAYS_NEVER or world.clock[1] < 0:
+    if world.two_ways == c.TWO_WAYS_NEVER or world.clock[c.STARTED] < 0:
         return False
     criteria, near = world.criteria, world.two_ways_near
     away, v = hypot(world.ego[c.EGO_X] - near[0], world.ego[c.EGO_Y] - near[1]), world.ego[c.EGO_V]

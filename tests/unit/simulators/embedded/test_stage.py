@@ -61,7 +61,7 @@ def test_a_blind_driver_runs_into_what_an_attentive_one_stops_for(staged) -> Non
         world = staged(STREET, lambda stage, blind=blind: put(stage, blind=blind))
         drive(world, BRAKE, 160)
         standing, driving = world.state.actors
-        gaps[blind] = standing[c.A_S] - driving[c.A_S]
+        gaps[blind] = standing[c.A_ALONG_M] - driving[c.A_ALONG_M]
     assert gaps[True] < 0.0 < 4.6 < gaps[False] < 10.0
 
 
@@ -207,8 +207,8 @@ def test_a_light_that_turns_red_is_yellow_first(staged) -> None:
         if np.cos(line.heading_rad - here[2]) > 0.9 and np.hypot(line.x_m - here[0], line.y_m - here[1]) < 8.0
     )
     shown: list[LightState] = []
-    while world.state.clock[1] < 0 or world.state.clock[0] - world.state.clock[1] < 140:
-        world.tick(COAST if world.state.clock[1] < 0 else BRAKE)
+    while world.state.clock[c.STARTED] < 0 or world.state.clock[c.TICK] - world.state.clock[c.STARTED] < 140:
+        world.tick(COAST if world.state.clock[c.STARTED] < 0 else BRAKE)
         state = LightState(int(world.state.lights[mine]))
         if not shown or shown[-1] is not state:
             shown.append(state)
