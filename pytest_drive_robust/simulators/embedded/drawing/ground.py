@@ -17,7 +17,8 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import texture
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps, Triple
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraGround, CameraView, Canvas, Headlamps, Triple
+from pytest_drive_robust.simulators.embedded.drawing.packed import pack
 
 DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5
 _MOST_LINES = 4
@@ -25,7 +26,6 @@ _COLUMNS = LINE + 2 * _MOST_LINES
 _FLATTEST = -1e-4
 _SIXTEEN, _THIRTYTWO = np.uint64(16), np.uint64(32)
 _LANE = np.uint64(0xFFFF)
-_255 = np.float32(255.0)
 _MIRROR = 0.75
 Walk = tuple[int, int, int, int, int, int, int]
 _FRACTION_BITS = 20
@@ -67,26 +67,14 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
 
 
 @inner
-def draw_ground(
-    canvas: Canvas,
-    rows: Floats,
-    sky: NDArray[np.uint32],
-    texels: NDArray[np.uint32],
-    levels: Floats,
-    view: CameraView,
-    air: Air,
-    lamps: Headlamps,
-) -> None:
-    """Fill `canvas.colours` wherever no face is seen.
-
-    `rows` comes from `ground_rows`, `sky` (height,) is the colour of the rows that show it, `texels` and `levels` are a
-    `GroundTexture`.
-    """
+def draw_ground(canvas: Canvas, ground: CameraGround, view: CameraView, air: Air, lamps: Headlamps) -> None:
+    """Fill `canvas.colours` wherever no face is seen."""
     colours, faces, touched = canvas.colours, canvas.faces, canvas.touched
+    rows = ground.rows
     height, width = colours.shape
     for row in range(height):
         if rows[row, DEPTH] <= 0.0:
-            colours[row, :] = sky[row]
+            colours[row, :] = ground.sky[row]
             continue
         light, haze = _row_light(rows[row], view, air)
         first = 0
@@ -99,7 +87,7 @@ def draw_ground(
             sums[:] = np.uint64(0)
             for line in range(int(rows[row, LINES])):
                 depth, ahead = rows[row, LINE + 2 * line], rows[row, LINE + 2 * line + 1]
-                add_line(sums, texels, levels, int(rows[row, LEVEL]), view, depth, ahead, first - 0.5 * width)
+                _add_line(sums, ground, int(rows[row, LEVEL]), view, depth, ahead, first - 0.5 * width)
             if lamps.strength > 0.0:
                 _light_by_night(colours[row, first:end], sums, rows[row], light, haze, view, lamps, first - 0.5 * width)
             else:
@@ -140,15 +128,7 @@ def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: 
         red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
         green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * light[1] + haze[1]
         blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
-        colours[u] = _pack(red, green, blue)
-
-
-@inner
-def _pack(red: float, green: float, blue: float) -> int:
-    """Return 0x00BBGGRR."""
-    red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
-    packed: int = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)
-    return packed
+        colours[u] = pack(red, green, blue)
 
 
 @inner
@@ -188,14 +168,13 @@ def _light_by_night(
         red = np.float32(np.int32(sums[u] & _LANE)) * (light[0] + extra) + haze[0]
         green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * (light[1] + extra) + haze[1]
         blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * (light[2] + extra * blue_share) + haze[2]
-        colours[u] = _pack(red, green, blue)
+        colours[u] = pack(red, green, blue)
 
 
 @inner
-def add_line(
+def _add_line(
     sums: NDArray[np.uint64],
-    texels: NDArray[np.uint32],
-    levels: Floats,
+    ground: CameraGround,
     level: int,
     view: CameraView,
     depth: float,
@@ -207,7 +186,8 @@ def add_line(
     The line runs across the picture `depth` metres along the optical axis and `ahead` metres along the ground; `sums`
     begins `start_px` pixels right of the picture's middle. Where `level` has no texels, a coarser level is sampled.
     """
-    near, wide = _walks(levels, level, view, depth, ahead, start_px)
+    texels = ground.texels
+    near, wide = _walks(ground.levels, level, view, depth, ahead, start_px)
     low, high = _inside(near, 0, len(sums))
     _sample(sums, texels, near, low, high)
     if low > 0 or high < len(sums):

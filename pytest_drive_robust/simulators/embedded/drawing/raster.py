@@ -12,11 +12,11 @@ import math
 import numpy as np
 
 from pytest_drive_robust.domain.truth import WorldState
-from pytest_drive_robust.jit.arrays import Floats, Ints
+from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import boxes as box
 from pytest_drive_robust.simulators.embedded.drawing import canvas as face
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Triple
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, FrameScene, Triple
 
 _SMALLEST_PX = 0.75
 _X, _Y, _LENGTH, _WIDTH, _HEIGHT = WorldState.X, WorldState.Y, WorldState.LENGTH, WorldState.WIDTH, WorldState.HEIGHT
@@ -31,17 +31,17 @@ _CORNERS = np.array(((0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7), (4,
 
 
 @inner
-def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Floats, view: CameraView) -> None:
+def draw_faces(canvas: Canvas, scene: FrameScene, view: CameraView) -> None:
     """Draw boxes into `canvas.faces` and `canvas.nearness`; write a row of `canvas.table` for each face.
 
-    `rows` holds the static boxes up to row `still`, then the boxes of `actors` (k, 10): actor k has the rows from
-    `ends[k]` up to `ends[k + 1]`. Near boxes are drawn first, so that most hidden faces are never filled. The parts of
-    an actor keep their order; if two faces are equally near, the face drawn first is seen.
+    Near boxes are drawn first, so that most hidden faces are never filled. The parts of an actor keep their order; if
+    two faces are equally near, the face drawn first is seen.
     """
+    rows, still, ends = scene.rows, scene.still, scene.ends
     _wipe(canvas)
     corners, seen, cut = np.empty((8, 3)), np.empty((8, 3)), np.empty((8, 3))
     order, used = canvas.order, int(np.int64(1))  # a literal would be compiled for as a type of its own
-    for place in range(_near_to_far(canvas, rows, still, actors, view)):
+    for place in range(_near_to_far(canvas, scene, view)):
         if order[place] < still:
             used = _draw_box(canvas, used, order[place], rows[order[place]], corners, seen, cut, view)
             continue
@@ -51,8 +51,9 @@ def draw_faces(canvas: Canvas, rows: Floats, still: int, ends: Ints, actors: Flo
 
 
 @inner
-def _near_to_far(canvas: Canvas, rows: Floats, still: int, actors: Floats, view: CameraView) -> int:
+def _near_to_far(canvas: Canvas, scene: FrameScene, view: CameraView) -> int:
     """Fill `canvas.order` with the things in sight, near to far: static boxes by row, actors by `still` + row."""
+    rows, still, actors = scene.rows, scene.still, scene.actors
     order, keys = canvas.order, canvas.keys
     height, width = canvas.faces.shape
     count = 0
