@@ -16,6 +16,7 @@ from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
+from pytest_drive_robust.simulators.embedded.geometry import moved, seen_from
 from pytest_drive_robust.simulators.embedded.kernels.entry_points import (
     actor_rows,
     finish,
@@ -128,10 +129,8 @@ class World:
 
 def _ego_at_start(stage: Stage) -> Floats:
     ego = np.zeros(c.EGO_COLUMNS)
-    x, y, yaw = stage.dense.rows[0, :3]
-    right = stage.start_right_m
-    ego[[c.EGO_X, c.EGO_Y]] = x - right * scalars.sin(yaw), y + right * scalars.cos(yaw)
-    ego[[c.EGO_YAW, c.EGO_V]] = wrap_angle(yaw), stage.start_mps
+    x, y, yaw = moved(tuple(stage.dense.rows[0, :3]), 0.0, stage.start_right_m)
+    ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = x, y, wrap_angle(yaw), stage.start_mps
     return ego
 
 
@@ -149,12 +148,13 @@ def _clear_start(statics: Statics, state: State) -> None:
     flowing = state.actor_ints[:, c.I_FLOW] >= 0
     placed = state.actors[active & ~flowing & (state.actor_ints[:, c.I_SOLID] == 1)]
     placed_cos, placed_sin = arrays.cos(placed[:, c.A_YAW]), arrays.sin(placed[:, c.A_YAW])
-    cos, sin = scalars.cos(state.ego[c.EGO_YAW]), scalars.sin(state.ego[c.EGO_YAW])
+    x, y, yaw = (float(value) for value in state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW]])
     for i in np.flatnonzero(active & flowing):
         if _runs_into(state.actors[i], placed, placed_cos, placed_sin):
             state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
-        dx, dy = state.actors[i, c.A_X] - state.ego[c.EGO_X], state.actors[i, c.A_Y] - state.ego[c.EGO_Y]
-        if scalars.hypot(dx, dy) < _NEAR_START_M and abs(-dx * sin + dy * cos) < statics.ego_width_m:
+        there = state.actors[i, [c.A_X, c.A_Y]]
+        is_near = scalars.hypot(there[0] - x, there[1] - y) < _NEAR_START_M
+        if is_near and abs(seen_from((x, y, yaw), there)[1]) < statics.ego_width_m:
             state.actor_ints[i, c.I_ACTIVE] = c.ABSENT
 
 
