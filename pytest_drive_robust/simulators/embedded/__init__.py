@@ -7,8 +7,8 @@ of one episode, `kernels` advances the arrays by `light_programs` and rows of ac
 reads what was judged; `sensors` and `camera` show the world to the agent, drawn by `drawing`; the runner drives
 `simulator`, gymnasium drives `environment`.
 
-`routes` names the sets of routes that ship, `route_xml` reads and writes route files, `generate` draws new routes
-(`weave` adds lane changes), `route_scene` and `route_sheet` show a route as a picture.
+`routes` names the sets of routes that ship, `route_xml` reads (each route by `route_element`) and writes route files,
+`generate` draws new routes (`weave` adds lane changes), `route_scene` and `route_sheet` show a route as a picture.
 """
 
 from __future__ import annotations
