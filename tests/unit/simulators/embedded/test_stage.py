@@ -83,9 +83,7 @@ def test_dirt_is_driven_over_without_a_collision(staged) -> None:
     world = staged(STREET, lambda stage: stage.dirt(10.0))
     drive(world, COAST, 140)
     assert world.state.ego[c.EGO_V] > 3.0
-    assert world.state.criteria_ints[c.CI_EVENTS] == 0 or not np.any(
-        world.state.events[: world.state.criteria_ints[c.CI_EVENTS], c.EV_KIND] == c.EVENT_COLLISION
-    )
+    assert c.EVENT_COLLISION not in world.state.noted()[:, c.EV_KIND]
 
 
 def test_what_appears_is_neither_seen_nor_hit_before_its_trigger(staged) -> None:
@@ -103,8 +101,7 @@ def test_what_appears_is_neither_seen_nor_hit_before_its_trigger(staged) -> None
     away = np.hypot(*(world.now().actors[0, 2:4] - world.state.ego[:2]))
     assert 9.0 < away < 12.5
     drive(world, COAST, 60)
-    hits = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
-    assert np.any(hits[:, c.EV_KIND] == c.EVENT_COLLISION)
+    assert c.EVENT_COLLISION in world.state.noted()[:, c.EV_KIND]
 
 
 def test_the_ego_can_start_beside_the_route_and_rolling(staged) -> None:

@@ -162,7 +162,7 @@ def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> 
 
 
 def hits_of(world: World) -> np.ndarray:
-    events = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
+    events = world.state.noted()
     return events[events[:, c.EV_KIND] == c.EVENT_COLLISION]
 
 
