@@ -10,8 +10,8 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import note
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-LIGHT_RADIUS_M = 15.0
-STOP_RADIUS_M = 4.0
+LIGHT_RADIUS_M, STOP_RADIUS_M = 15.0, 4.0
+"""Distances within which a light and a stop sign are looked at (`RunningRedLightTest`, `RunningStopTest`)."""
 _RED = int(LightState.RED)
 
 

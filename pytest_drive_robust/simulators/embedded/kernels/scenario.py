@@ -10,7 +10,9 @@ from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 TRIGGER_RADIUS_M = 2.0
+"""Metres before the trigger point at which the scenario starts."""
 JUNCTION_M, STOPPING_MPS2 = 30.0, 3.0
+"""Length of a junction behind its stop line, and how hard a driver brakes for a light, when flows are filled."""
 _GREEN = int(LightState.GREEN)
 _STOP_SIGN = int(LightState.STOP_SIGN)
 
@@ -52,6 +54,7 @@ def run_flows(world: WorldArrays) -> None:
 
 @inner
 def _spawn(world: WorldArrays, f: int, slot: int, s: float) -> None:
+    """Put the next car of flow f, the actor `slot`, `s` metres along its path; draw the gap to the car after it."""
     flow, whole = world.flows[f], world.flow_ints[f]
     actor = world.actors[slot]
     lat = flow[c.F_RIGHT_M]
