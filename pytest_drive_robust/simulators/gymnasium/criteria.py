@@ -22,7 +22,18 @@ from pytest_drive_robust.simulators.infractions import Here, closing_infractions
 class EpisodeCriteria:
     """The state of the criteria in one episode; call `judge` once after every tick."""
 
-    def __init__(self, road: LiveRoad, line: RouteLine, lane_map: LaneMap, index: dict[Any, int]) -> None:
+    def __init__(
+        self,
+        road: LiveRoad,
+        line: RouteLine,
+        lane_map: LaneMap,
+        index: dict[Any, int],
+        *,
+        dt_s: float,
+        options: SimulatorOptions,
+    ) -> None:
+        self._dt_s = dt_s
+        self._options = options
         self._road = road
         self._line = line
         self._lane_map = lane_map
@@ -45,7 +56,7 @@ class EpisodeCriteria:
         """Metres of the route that are behind the ego."""
         return float(self._line.s[self.row])
 
-    def judge(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> None:
+    def judge(self, state: WorldState) -> None:
         """Judge the tick that ended with `state`."""
         gained = self._pass_rows(state)
         self._collisions(state)
@@ -53,10 +64,10 @@ class EpisodeCriteria:
         if self._is_outside() or self._is_wrong_way(state):
             self._outside_m += gained
         self._efficiency(state)
-        self._still_s = self._still_s + dt_s if state.ego.speed_mps < limits.STANDING_MPS else 0.0
-        self.end = self._end(state, options)
+        self._still_s = self._still_s + self._dt_s if state.ego.speed_mps < limits.STANDING_MPS else 0.0
+        self.end = self._end(state)
 
-    def score(self, state: WorldState, *, dt_s: float, options: SimulatorOptions) -> EpisodeScore:
+    def score(self, state: WorldState) -> EpisodeScore:
         """Return the criteria of a finished episode, closed."""
         end, passed_m, here = self.end or End.SIMULATION_CRASHED, self.progress_m, self._here(state)
         outside_m = self._outside_m
@@ -71,7 +82,12 @@ class EpisodeCriteria:
         return EpisodeScore(
             end=end,
             end_detail=end_detail(
-                end, at_s=state.tick * dt_s, still_s=self._still_s, options=options, dt_s=dt_s, stopped=stopped
+                end,
+                at_s=state.tick * self._dt_s,
+                still_s=self._still_s,
+                options=self._options,
+                dt_s=self._dt_s,
+                stopped=stopped,
             ),
             route_completion_pct=100.0 if end is End.COMPLETED else round(100.0 * passed_m / self._line.length_m, 2),
             route_length_m=self._line.length_m,
@@ -143,7 +159,7 @@ class EpisodeCriteria:
     def _strayed(self) -> bool:
         return self._off_route_m > limits.DEVIATION_SHARE * self._line.length_m
 
-    def _end(self, state: WorldState, options: SimulatorOptions) -> End | None:
+    def _end(self, state: WorldState) -> End | None:
         ego, last = state.ego, self._line.rows[-1]
         away = self._off_route(state)
         to_go = math.hypot(ego.x_m - last[0], ego.y_m - last[1])
@@ -156,9 +172,10 @@ class EpisodeCriteria:
             return End.ENVIRONMENT
         if self._still_s > limits.BLOCKED_S:
             return End.BLOCKED
-        if options.stuck_stop_s is not None and self._still_s > options.stuck_stop_s:
+        stuck_stop_s = self._options.stuck_stop_s
+        if stuck_stop_s is not None and self._still_s > stuck_stop_s:
             return End.STUCK
-        return End.TICK_CAP if state.tick >= options.tick_cap else None
+        return End.TICK_CAP if state.tick >= self._options.tick_cap else None
 
     def _junction_passed(self) -> bool:
         flags = [self._lane_map.lanes[self._index[key]].junction for key in self._line.keys]

@@ -110,7 +110,7 @@ class GymnasiumSimulator:
         with self._classes.inside():
             episode.road.step(control)
             episode.state = episode.road.state()
-            episode.criteria.judge(episode.state, dt_s=self.dt_s, options=self.options)
+            episode.criteria.judge(episode.state)
         return episode.state
 
     @property
@@ -126,7 +126,7 @@ class GymnasiumSimulator:
     def score(self) -> EpisodeScore:
         """Close the criteria and report them."""
         episode = self._now
-        return episode.criteria.score(episode.state, dt_s=self.dt_s, options=self.options)
+        return episode.criteria.score(episode.state)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=lane_map,
-            criteria=EpisodeCriteria(road, line, lane_map, index),
+            criteria=EpisodeCriteria(road, line, lane_map, index, dt_s=self.dt_s, options=self.options),
             sensors=Sensors(cameras, lane_map=lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s),
             state=road.state(),
         )
