@@ -120,10 +120,16 @@ def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
 @inner
 def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
     for u in range(len(colours)):
-        red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
-        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * light[1] + haze[1]
-        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
-        colours[u] = pack(red, green, blue)
+        colours[u] = _lit(sums[u], light, haze)
+
+
+@inner
+def _lit(total: np.uint64, light: Triple, haze: Triple) -> int:
+    """Return the colour of a sum of samples (see `add_line`) in this light, behind haze, packed."""
+    red = np.float32(np.int32(total & _LANE)) * light[0] + haze[0]
+    green = np.float32(np.int32(total >> _THIRTYTWO)) * light[1] + haze[1]
+    blue = np.float32(np.int32((total >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
+    return pack(red, green, blue)
 
 
 @inner
@@ -160,7 +166,4 @@ def _light_by_night(
         near = (forward - two) * rise
         near = near if near < whole else whole
         extra = strength * beam * near / (whole + forward * fade * (forward * fade))
-        red = np.float32(np.int32(sums[u] & _LANE)) * (light[0] + extra) + haze[0]
-        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * (light[1] + extra) + haze[1]
-        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * (light[2] + extra * blue_share) + haze[2]
-        colours[u] = pack(red, green, blue)
+        colours[u] = _lit(sums[u], (light[0] + extra, light[1] + extra, light[2] + extra * blue_share), haze)

@@ -30,12 +30,11 @@ def _behind_air(red: float, green: float, blue: float, haze: Triple, through: Pa
     """Return the lit colour of pixel `u` of a run, packed, behind air. `through`: see `plain`."""
     left = through[0] + np.float32(u) * through[1]
     lost = _1 - left
-    packed: int = pack(
+    return pack(
         red * left + haze[0] * lost + _HALF,
         green * left + haze[1] * lost + _HALF,
         blue * left + haze[2] * lost + _HALF,
     )
-    return packed
 
 
 @inner
