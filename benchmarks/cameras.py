@@ -18,7 +18,7 @@ from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.domain.route import Weather
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneKind, LaneMap, WorldState
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M
+from pytest_drive_robust.simulators.embedded.actors import SIZES
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
 from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, named_routes
 
@@ -74,7 +74,7 @@ def _crowd(centres: np.ndarray, route: np.ndarray) -> np.ndarray:
     for number, place in enumerate(draw.choice(len(near), ACTORS, replace=False)):
         kind = CROWD[number % len(CROWD)]
         state = (ActorState.BRAKING, ActorState.INDICATOR_LEFT, ActorState.NONE)[number % 3]
-        rows.append((number, kind, *near[place], 6.0, *SIZES_M[kind], state))
+        rows.append((number, kind, *near[place], 6.0, *SIZES[kind], state))
     return np.array(rows, np.float64)
 
 

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike
 
 from pytest_drive_robust.arithmetic.series import (
     LARGEST_ANGLE_RAD,
+    PI_LOW,
+    ROOT_OF_HALF,
+    TURN,
     arctangent,
     cosine,
     exponential,
@@ -22,9 +25,6 @@ from pytest_drive_robust.jit.arrays import Floats
 
 _quiet = np.errstate(all="ignore")  # branches that are computed and not chosen
 
-_PI_LOW = 1.2246467991473532e-16  # what pi lacks as a double
-_ROOT_OF_HALF = 0.7071067811865476
-_TURN = 6.283185307179586
 _BOUNDS = np.array((0.4375, 0.6875, 1.1875, 2.4375))
 _PARTS = np.array(
     (
@@ -47,7 +47,7 @@ def _usual_angles(x: ArrayLike) -> Floats:
     large = ~(np.abs(angles) <= LARGEST_ANGLE_RAD)
     if not large.any():
         return angles
-    return np.where(large, angles % _TURN, angles)
+    return np.where(large, angles % TURN, angles)
 
 
 @_quiet
@@ -88,7 +88,7 @@ def atan2(y: ArrayLike, x: ArrayLike) -> Floats:
     angle = atan(np.where(plain, 0.0, beside) / np.where(plain, 1.0, ahead))
     angle = np.where(upright, np.where(beside > 0.0, 1.5707963267948966, beside), angle)
     angle = np.where(same, 0.7853981633974483, angle)
-    angle = np.where(np.copysign(1.0, x) < 0.0, np.pi - (angle - _PI_LOW), angle)
+    angle = np.where(np.copysign(1.0, x) < 0.0, np.pi - (angle - PI_LOW), angle)
     directed: Floats = np.copysign(angle, y)
     return directed
 
@@ -109,7 +109,7 @@ def log(x: ArrayLike) -> Floats:
     x = _floats(x)
     usual = (x > 0.0) & (x < np.inf)
     part, whole = np.frexp(np.where(usual, x, 1.0))
-    small, twos = part < _ROOT_OF_HALF, whole.astype(np.float64)
+    small, twos = part < ROOT_OF_HALF, whole.astype(np.float64)
     value = logarithm(np.where(small, 2.0 * part, part) - 1.0, np.where(small, twos - 1.0, twos))
     return np.where(usual, value, np.where(x == 0.0, -np.inf, np.where(x > 0.0, x, np.nan)))
 

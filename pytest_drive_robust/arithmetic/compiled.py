@@ -7,7 +7,8 @@ importing this module does not load numba.
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, cast
 
 from pytest_drive_robust.arithmetic import scalars, series
 
@@ -17,7 +18,13 @@ if TYPE_CHECKING:
 
 __all__ = ["atan", "atan2", "cos", "cos_sin", "exp", "hypot", "sin", "tan", "wrap_angle"]
 
-_FOR_PYTHON = ("hypot", "wrap_angle")
+INLINED = ("hypot", "wrap_angle")
+"""Short functions: their code becomes part of a kernel, and Python may call them, too."""
+
+
+def python_function(name: str) -> Callable[..., Any]:
+    """Return the function of `scalars` or `series` that `name` is the compiled version of."""
+    return cast("Callable[..., Any]", getattr(scalars, name, None) or getattr(series, name))
 
 
 class CompiledFunction:
@@ -25,7 +32,7 @@ class CompiledFunction:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self.py_func = getattr(scalars, name, None) or getattr(series, name)
+        self.py_func = python_function(name)
 
     @functools.cached_property
     def _numba_type_(self) -> Any:
@@ -40,7 +47,7 @@ class CompiledFunction:
         symbols.load(self.name)
 
     def __call__(self, *numbers: float) -> float:
-        if self.name not in _FOR_PYTHON:
+        if self.name not in INLINED:
             raise TypeError(f"only compiled code can call this function; arithmetic.scalars.{self.name} is for Python")
         return float(self.py_func(*numbers))
 

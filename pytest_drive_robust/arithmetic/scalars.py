@@ -12,6 +12,9 @@ import math
 
 from pytest_drive_robust.arithmetic.series import (
     LARGEST_ANGLE_RAD,
+    PI_LOW,
+    ROOT_OF_HALF,
+    TURN,
     arctangent,
     cosine,
     exponential,
@@ -21,14 +24,10 @@ from pytest_drive_robust.arithmetic.series import (
     small_sinh,
 )
 
-_PI_LOW = 1.2246467991473532e-16  # what pi lacks as a double
-_ROOT_OF_HALF = 0.7071067811865476
-_TURN = 6.283185307179586
-
 
 def _usual_angle(x: float) -> float:
     """Return `x` rad, reduced by whole turns beyond `LARGEST_ANGLE_RAD`; NaN for infinity and NaN."""
-    return x if abs(x) <= LARGEST_ANGLE_RAD else x % _TURN
+    return x if abs(x) <= LARGEST_ANGLE_RAD else x % TURN
 
 
 def sin(x: float) -> float:
@@ -89,7 +88,7 @@ def atan2(y: float, x: float) -> float:
     else:
         angle = atan(beside / ahead)
     if math.copysign(1.0, x) < 0.0:
-        angle = math.pi - (angle - _PI_LOW)
+        angle = math.pi - (angle - PI_LOW)
     return math.copysign(angle, y)
 
 
@@ -112,7 +111,7 @@ def log(x: float) -> float:
     if not 0.0 < x < math.inf:
         return -math.inf if x == 0.0 else (x if x > 0.0 else math.nan)
     part, twos = math.frexp(x)
-    if part < _ROOT_OF_HALF:
+    if part < ROOT_OF_HALF:
         part, twos = 2.0 * part, twos - 1
     return logarithm(part - 1.0, float(twos))
 

@@ -17,7 +17,9 @@ Number = TypeVar("Number", float, "NDArray[np.float64]")
 LARGEST_ANGLE_RAD = 1.0e6
 """Up to this angle the sine, cosine and tangent hold their error bound."""
 
-_TURN = 6.283185307179586
+TURN = 6.283185307179586
+PI_LOW = 1.2246467991473532e-16  # what pi lacks as a double
+ROOT_OF_HALF = 0.7071067811865476
 _ROUNDER = 6755399441055744.0  # 1.5 * 2**52: a double of that size has no room for a fraction
 _PER_QUARTER = 0.6366197723675814  # 2 / pi
 # pi / 2 in three parts: the first two have 33 bits, so that their products with a whole number below 2**20 are exact
@@ -32,7 +34,7 @@ def nearest_whole(x: Number) -> Number:
 
 def wrap_angle(x: Number) -> Number:
     """Return `x` rad without its whole turns, from -pi to pi; unchanged within that range."""
-    return x - _TURN * nearest_whole(x / _TURN)
+    return x - TURN * nearest_whole(x / TURN)
 
 
 def quarter_turns(x: Number) -> tuple[Number, Number, Number]:

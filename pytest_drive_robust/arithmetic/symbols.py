@@ -18,10 +18,10 @@ from numba.core.registry import cpu_target
 from numba.extending import intrinsic, register_jitable
 
 from pytest_drive_robust.arithmetic import scalars, series
+from pytest_drive_robust.arithmetic.compiled import INLINED, python_function
 from pytest_drive_robust.jit.cache import KernelCache
 from pytest_drive_robust.jit.resolutions import remembered_resolutions
 
-_PARTS = ("hypot", "wrap_angle")  # short: they become part of the kernel
 _CPU: Any = cpu_target
 _DOUBLE = ir.DoubleType()
 _CGUTILS: Any = cgutils  # numba has no types for mypy
@@ -37,8 +37,8 @@ for _module in (series, scalars):
 def numba_type(name: str) -> Any:
     """Return the numba type of the function `name` of `compiled`."""
     context = _CPU.typing_context
-    if name in _PARTS:
-        function = getattr(series, name, None) or getattr(scalars, name)
+    if name in INLINED:
+        function: Any = python_function(name)
     else:
         function = _of_pair() if name == "cos_sin" else _of_number(name, 2 if name == "atan2" else 1)
     context.refresh()
@@ -47,7 +47,7 @@ def numba_type(name: str) -> Any:
 
 def load(name: str) -> None:
     """Compile or load the machine code of the function `name` of `compiled`; kernels call this code by its symbol."""
-    if name not in _PARTS:
+    if name not in INLINED:
         _symbol(name)
 
 

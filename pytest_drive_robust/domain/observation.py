@@ -111,7 +111,7 @@ class Compass:
     @property
     def yaw_rad(self) -> float:
         """Yaw in the route's frame: heading minus a quarter turn."""
-        return self.heading_rad - 1.5707963267948966
+        return self.heading_rad - math.pi / 2.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""The two decorators of kernels. They do not import numba: it is loaded when a kernel is first called.
+"""The decorators of kernels. They do not import numba: it is loaded when a kernel is first called.
 
 A run that drives nothing, because every episode is in the store, imports agents for their names and contents only.
 """
@@ -13,7 +13,6 @@ from typing import Any, TypeVar, cast
 from pytest_drive_robust.errors import UsageError
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
 
 NOT_COMPILED = (
     "NUMBA_DISABLE_JIT is set, but the world needs compiled kernels: unset it, for this command at least "

@@ -21,7 +21,7 @@ from pytest_drive_robust.domain.truth import ActorKind, LightState
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.report.road_map import RoadMaps, map_data
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M
+from pytest_drive_robust.simulators.embedded.actors import SIZES
 from pytest_drive_robust.verdict.explain import describe_outcome, infraction_s
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ class Scene:
         seen: list[list[Box]] = [[] for _ in tracks.lights]
         for actor, kind, length, width, first, count in tracks.actors.tolist():
             colour = _PERSON if kind in (ActorKind.PEDESTRIAN, ActorKind.BICYCLE) else _ACTOR
-            size = (length / 100.0, width / 100.0, SIZES_M[ActorKind(kind)][2])
+            size = (length / 100.0, width / 100.0, SIZES[ActorKind(kind)].height_m)
             for place, (x, y, yaw, _) in enumerate(tracks.motion[row : row + count].tolist(), first):
                 pose = Pose(x / 100.0, -y / 100.0, -yaw / 1000.0)
                 seen[place].append(Box(f"{ActorKind(kind).name.lower()} {actor}", pose, size, colour))

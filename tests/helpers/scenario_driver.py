@@ -72,9 +72,7 @@ def drive(
 
 def collisions(world: World) -> list[int]:
     """Return the actors that the ego has hit."""
-    count = int(world.state.criteria_ints[c.CI_EVENTS])
-    events = world.state.events[:count]
-    return [int(row[c.EV_ACTOR]) for row in events if row[c.EV_KIND] == c.EVENT_COLLISION]
+    return [int(row[c.EV_ACTOR]) for row in world.state.noted() if row[c.EV_KIND] == c.EVENT_COLLISION]
 
 
 def actors_of(world: World, *kinds: int, flows: bool = False) -> list[int]:

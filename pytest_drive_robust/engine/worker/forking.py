@@ -96,24 +96,24 @@ class _Server:
         """Serve requests until the control socket is closed or the parent process has ended."""
         self._tell_ready()
         while os.getppid() == parent:
-            ready = wait([self._control, *self._news()], _POLL_S)
+            ready = wait([self._control, *self._progress_fds()], _POLL_S)
             self._reap()
-            if any(number in ready for number in self._news()):
-                self._hear_compilers()
+            if any(number in ready for number in self._progress_fds()):
+                self._read_compilers()
             if self._control in ready and not self._start_worker():
                 break
         self._end()
 
-    def _news(self) -> tuple[int, ...]:
+    def _progress_fds(self) -> tuple[int, ...]:
         """Return the descriptor of messages from compiling processes; empty when none compiles."""
-        news = None if self._compilation is None else self._compilation.news
-        return () if news is None else (news,)
+        number = None if self._compilation is None else self._compilation.progress_fd
+        return () if number is None else (number,)
 
-    def _hear_compilers(self) -> None:
+    def _read_compilers(self) -> None:
         """Read the progress of the compiling processes; when all have ended, load the kernels for later workers."""
         assert self._compilation is not None
-        self._compilation.hear()
-        if self._compilation.news is None:
+        self._compilation.read_progress()
+        if self._compilation.progress_fd is None:
             self._compilation = None
             _warm_up(self._registry, self._setup, cameras=True)
             self._setup.limit_threads()
@@ -156,7 +156,7 @@ class _Server:
             os.setsid()
             _be_worker_of(self._pid)
             self._control.close()
-            for number in (exit_w, *self._exits.values(), *self._news()):  # only the fork server reports an end
+            for number in (exit_w, *self._exits.values(), *self._progress_fds()):  # only the fork server reports an end
                 os.close(number)
             serve(inherited, self._setup, limits, self._registry)
         except BaseException:
@@ -223,7 +223,7 @@ def _loaded(setup: WorkerSetup, tell: Callable[[int, int], None]) -> tuple[Regis
     else:
         _import_agents(registry, setup.preload_agents)
     setup.limit_threads()
-    return registry, compilation if compilation is not None and compilation.news is not None else None
+    return registry, compilation if compilation is not None and compilation.progress_fd is not None else None
 
 
 def _import_agents(registry: Registry, names: Sequence[str]) -> None:

@@ -3,12 +3,12 @@
 Modules: `towns` draws maps, `map` compiles maps and finds the ways through their junctions; `traced` builds roads
 around routes of CARLA's towns; `dense_route` lays a route on its town (`matching` finds the lanes of the route);
 `scenarios` puts `actors` on the `stage`, at `places` of the route; `state` names the arrays, `world` fills the arrays
-of one episode, `kernels` advances the arrays by `light_programs` and rows of actors, `criteria` and `scoring` judge;
-`sensors` and `camera` show the world to the agent, drawn by `drawing`; the runner drives `simulator`, gymnasium drives
-`environment`.
+of one episode, `kernels` advances the arrays by `light_programs` and rows of actors and judges each tick, `scoring`
+reads what was judged; `sensors` and `camera` show the world to the agent, drawn by `drawing`; the runner drives
+`simulator`, gymnasium drives `environment`.
 
-`routes` names the sets of routes that ship, `route_xml` reads and writes route files, `generate` draws new routes
-(`weave` adds lane changes), `route_scene` and `route_sheet` show a route as a picture.
+`routes` names the sets of routes that ship, `route_xml` reads (each route by `route_element`) and writes route files,
+`generate` draws new routes (`weave` adds lane changes), `route_scene` and `route_sheet` show a route as a picture.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,22 +11,30 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.jit.arrays import Floats, Ints
 from pytest_drive_robust.simulators.embedded import state as c
 
-SIZES_M: dict[ActorKind, tuple[float, float, float]] = {
-    ActorKind.CAR: (4.6, 1.9, 1.5),
-    ActorKind.VAN: (5.6, 2.1, 2.3),
-    ActorKind.TRUCK: (9.0, 2.5, 3.4),
-    ActorKind.EMERGENCY: (5.9, 2.2, 2.6),
-    ActorKind.BICYCLE: (1.8, 0.6, 1.7),
-    ActorKind.PEDESTRIAN: (0.5, 0.6, 1.75),
-    ActorKind.CONE: (0.4, 0.4, 0.8),
-    ActorKind.BARRIER: (2.0, 0.5, 1.0),
-    ActorKind.CONTAINER: (2.4, 1.6, 2.2),
-    ActorKind.WARNING_SIGN: (0.3, 1.0, 1.6),
-    ActorKind.BUILDING: (12.0, 10.0, 9.0),
-    ActorKind.DOOR: (0.9, 0.9, 1.1),
-    ActorKind.DIRT: (4.0, 3.0, 0.02),
+
+class Size(NamedTuple):
+    """Length, width and height of an actor in metres."""
+
+    length_m: float
+    width_m: float
+    height_m: float
+
+
+SIZES: dict[ActorKind, Size] = {
+    ActorKind.CAR: Size(4.6, 1.9, 1.5),
+    ActorKind.VAN: Size(5.6, 2.1, 2.3),
+    ActorKind.TRUCK: Size(9.0, 2.5, 3.4),
+    ActorKind.EMERGENCY: Size(5.9, 2.2, 2.6),
+    ActorKind.BICYCLE: Size(1.8, 0.6, 1.7),
+    ActorKind.PEDESTRIAN: Size(0.5, 0.6, 1.75),
+    ActorKind.CONE: Size(0.4, 0.4, 0.8),
+    ActorKind.BARRIER: Size(2.0, 0.5, 1.0),
+    ActorKind.CONTAINER: Size(2.4, 1.6, 2.2),
+    ActorKind.WARNING_SIGN: Size(0.3, 1.0, 1.6),
+    ActorKind.BUILDING: Size(12.0, 10.0, 9.0),
+    ActorKind.DOOR: Size(0.9, 0.9, 1.1),
+    ActorKind.DIRT: Size(4.0, 3.0, 0.02),
 }
-"""Length, width, height in metres."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +88,24 @@ class Script:
     relative: int = c.SPEED_OWN
 
 
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """The ego is nearer than `within_m` to the actor's conflict point, or less than `tta_s` away at its speed."""
+
+    tta_s: float
+    within_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """The ego has passed `progress_m` metres of the route."""
+
+    progress_m: float
+
+
+Trigger = Arrival | Passing
+
+
 @dataclass(slots=True)
 class Cast:
     """Collects actors and flows; `freeze` returns the arrays of `State`."""
@@ -92,10 +119,10 @@ class Cast:
     def add(self, spec: ActorSpec) -> int:
         """Add one actor and return its number. An actor without a script follows its mode."""
         row, whole = np.zeros(c.ACTOR_COLUMNS), np.zeros(c.ACTOR_INTS, dtype=np.int64)
-        row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES_M[spec.kind]
-        row[[c.A_S, c.A_LAT, c.A_TARGET_LAT]] = spec.s_m, spec.right_m, spec.right_m
+        row[[c.A_LENGTH, c.A_WIDTH, c.A_HEIGHT]] = SIZES[spec.kind]
+        row[[c.A_ALONG_M, c.A_RIGHT_M, c.A_TARGET_RIGHT_M]] = spec.s_m, spec.right_m, spec.right_m
         row[[c.A_V, c.A_TARGET_V]] = spec.speed_mps, spec.speed_mps if spec.target_mps is None else spec.target_mps
-        row[[c.A_LAT_RATE, c.A_END_S, c.A_SYNC_M]] = spec.lateral_mps, spec.end_m, spec.sync_m
+        row[[c.A_LATERAL_MPS, c.A_END_M, c.A_SYNC_M]] = spec.lateral_mps, spec.end_m, spec.sync_m
         row[[c.A_BRAKE_MAX, c.A_ACCEL_MAX, c.A_TURNED]] = spec.brake_mps2, spec.accel_mps2, spec.yaw_rad
         whole[[c.I_KIND, c.I_MODE, c.I_PATH]] = int(spec.kind), spec.mode, spec.path
         whole[c.I_AT_END] = c.AT_END_LEAVE if spec.leaves else c.AT_END_STAY
@@ -116,7 +143,7 @@ class Cast:
         row, whole = self.rows[actor], self.ints[actor]
         whole[c.I_PHASE] = c.PHASE_WAITING
         whole[c.I_RELATIVE] = script.relative
-        row[[c.A_SCRIPT_V, c.A_SCRIPT_LAT, c.A_SCRIPT_S]] = script.speed_mps, script.right_m, script.seconds
+        row[[c.A_SCRIPT_V, c.A_SCRIPT_RIGHT_M, c.A_SCRIPT_S]] = script.speed_mps, script.right_m, script.seconds
         row[[c.A_AFTER_V, c.A_DELAY_S]] = script.after_mps, script.delay_s
         if isinstance(trigger, Arrival):
             whole[c.I_TRIGGER] = c.TRIGGER_ARRIVAL
@@ -140,9 +167,7 @@ class Cast:
         self.flow_ints.append([car.path, first, first + slots, -1, 1])
         self.flow_gaps.append(gaps_m)
 
-    def freeze(
-        self,
-    ) -> tuple[Floats, Ints, Floats, Ints, Floats]:
+    def freeze(self) -> tuple[Floats, Ints, Floats, Ints, Floats]:
         """Return (actors, actor ints, flows, flow ints, flow gaps); empty tables keep their columns."""
         return (
             np.array(self.rows).reshape(-1, c.ACTOR_COLUMNS),
@@ -151,21 +176,3 @@ class Cast:
             np.array(self.flow_ints, dtype=np.int64).reshape(-1, c.FLOW_INTS),
             np.array(self.flow_gaps, dtype=float) if self.flow_gaps else np.zeros((0, 1)),
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Arrival:
-    """The ego is nearer than `within_m` to the actor's conflict point, or less than `tta_s` away at its speed."""
-
-    tta_s: float
-    within_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class Passing:
-    """The ego has passed `progress_m` metres of the route."""
-
-    progress_m: float
-
-
-Trigger = Arrival | Passing

@@ -13,8 +13,9 @@ from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, LaneMap, LightState, StopLine, WorldState
 from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.simulators.embedded.drawing.looks import paint_of
+from pytest_drive_robust.simulators.embedded.drawing.packed import unpack
 from pytest_drive_robust.simulators.embedded.drawing.paint import Region, paint_ground, rectangle
-from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet, unpack
+from pytest_drive_robust.simulators.embedded.drawing.texture import pack_sheet
 
 Colour = tuple[int, int, int]
 

@@ -67,7 +67,6 @@ class CameraRig:
 
     def __init__(self, lane_map: LaneMap, weather: Weather, cameras: Sequence[CameraSpec], *, around: Floats) -> None:
         self._air = Air.of(weather)
-        self._street_light = self._air.street_light
         self._furniture = Furniture.of(lane_map, night=self._air.night)
         self._parts, self._spans = part_rows()
         self._rows = self._furniture.rows.copy()
@@ -88,7 +87,7 @@ class CameraRig:
         for eye in self._eyes:
             if due is None or eye.spec.name in due:
                 canvas, view = eye.canvas(scene), eye.view(state)
-                draw_camera(canvas, scene, eye.ground, view, self._air, lamps, self._street_light, state.tick)
+                draw_camera(canvas, scene, eye.ground, view, self._air, lamps, state.tick)
                 pictures[eye.spec.name] = canvas.pixels
         return pictures
 

@@ -7,10 +7,9 @@ from collections.abc import Callable
 
 from pytest_drive_robust.jit import compile_all
 from pytest_drive_robust.jit.compile_all import Compilation
+from pytest_drive_robust.jit.compiled_functions import Tell
 from pytest_drive_robust.jit.kernels import ENTRIES
 from pytest_drive_robust.simulators.embedded import world  # noqa: F401 - importing it makes its kernels known
-
-Tell = Callable[[int, int], None]
 
 
 def compile_kernels(tell: Tell) -> int:

@@ -11,7 +11,6 @@ from gymnasium import spaces
 from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
-from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End
@@ -19,7 +18,8 @@ from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
-from pytest_drive_robust.simulators.embedded.routes import default_set
+from pytest_drive_robust.simulators.embedded.geometry import seen_from
+from pytest_drive_robust.simulators.embedded.routes import DEFAULT_SET
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
 from pytest_drive_robust.simulators.embedded.state import DT_S
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -71,7 +71,7 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
 
     def __init__(
         self,
-        routes: str | Sequence[Route] = default_set,
+        routes: str | Sequence[Route] = DEFAULT_SET,
         *,
         cameras: Sequence[CameraSpec] = (),
         options: SimulatorOptions | None = None,
@@ -184,9 +184,8 @@ class WorldEnv(gymnasium.Env[Any, NDArray[np.float32]]):
         return seen | {name: image.pixels.copy() for name, image in observation.cameras.items()}
 
     def _local(self, observation: Observation, index: int) -> tuple[float, float]:
-        point, yaw = self._plan.points[index], observation.compass.yaw_rad
-        dx, dy = point.x_m - observation.gps.x_m, point.y_m - observation.gps.y_m
-        return dx * scalars.cos(yaw) + dy * scalars.sin(yaw), -dx * scalars.sin(yaw) + dy * scalars.cos(yaw)
+        point, gps = self._plan.points[index], observation.gps
+        return seen_from((gps.x_m, gps.y_m, observation.compass.yaw_rad), (point.x_m, point.y_m))
 
 
 def _checked(cameras: Sequence[CameraSpec]) -> tuple[CameraSpec, ...]:

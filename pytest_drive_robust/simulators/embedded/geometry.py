@@ -48,8 +48,15 @@ def place(line: Floats, s_m: float, right_m: float = 0.0) -> tuple[float, float,
 def moved(pose: Pose, ahead_m: float, right_m: float = 0.0) -> Pose:
     """Return the pose moved `ahead_m` ahead and `right_m` to the right, with its heading."""
     x, y, heading = pose
-    cos, sin = scalars.cos(heading), scalars.sin(heading)
+    cos, sin = scalars.cos_sin(heading)
     return x + ahead_m * cos - right_m * sin, y + ahead_m * sin + right_m * cos, heading
+
+
+def seen_from(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
+    """Return (metres ahead, metres to the right) of a point (x, y, ...) as seen from a pose: the inverse of `moved`."""
+    dx, dy = float(point[0]) - pose[0], float(point[1]) - pose[1]
+    cos, sin = scalars.cos_sin(pose[2])
+    return dx * cos + dy * sin, dy * cos - dx * sin
 
 
 def project(line: Floats, x_m: float, y_m: float) -> tuple[float, float]:

@@ -91,7 +91,7 @@ def follow(lane_map: LaneMap, lane: int) -> tuple[int, ...]:
     return tuple(chain)
 
 
-def prolonged(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
+def prolonged_chain(lane_map: LaneMap, chain: tuple[int, ...]) -> tuple[int, ...]:
     """Return a chain prolonged straight on before its first lane and after its last lane, to the road's ends."""
     before = follow(lane_map, chain[0])
     after = follow(lane_map, chain[-1]) if len(chain) > 1 else before

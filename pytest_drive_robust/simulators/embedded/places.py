@@ -11,7 +11,7 @@ from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
-from pytest_drive_robust.simulators.embedded.map import Passage, join, leftmost, prolonged
+from pytest_drive_robust.simulators.embedded.map import Passage, join, leftmost, prolonged_chain
 from pytest_drive_robust.simulators.embedded.matching import nearest_way
 
 _BEARINGS_RAD = {"left": np.pi / 2.0, "right": -np.pi / 2.0, "opposite": np.pi}
@@ -154,4 +154,4 @@ class RoutePlaces:
         return way
 
     def _path(self, chain: tuple[int, ...]) -> int:
-        return self.add_path(join(self.dense.lane_map, prolonged(self.dense.lane_map, chain)))
+        return self.add_path(join(self.dense.lane_map, prolonged_chain(self.dense.lane_map, chain)))

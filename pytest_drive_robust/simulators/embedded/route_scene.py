@@ -94,7 +94,7 @@ def _walks(world: World) -> Floats:
     for actor, whole in zip(world.stage.cast.rows, world.stage.cast.ints, strict=True):
         if whole[c.I_MODE] == c.MODE_WALK:
             path = world.stage.paths[int(whole[c.I_PATH])]
-            end = min(float(actor[c.A_END_S]), 40.0)
+            end = min(float(actor[c.A_END_M]), 40.0)
             ways.append((path[0, :2], place(path, end)[:2]))
     return np.array(ways, np.float64).reshape(-1, 2, 2)
 

@@ -1,4 +1,4 @@
-"""Route files in the CARLA leaderboard's XML schema: reading and writing.
+"""Read and write route files in the CARLA leaderboard's XML schema; `route_element` reads one of their routes.
 
 Schema: Bench2Drive `leaderboard/data/*.xml`: `routes > route[id, town]` with `waypoints > position[x y z]`,
 `scenarios > scenario[name, type]` with `trigger_point[x y z yaw]` and parameter elements, `weathers > weather`.
@@ -6,45 +6,16 @@ Schema: Bench2Drive `leaderboard/data/*.xml`: `routes > route[id, town]` with `w
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
-from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from dataclasses import fields
 from pathlib import Path
 
-from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint, Waypoint, Weather
+from pytest_drive_robust.domain.route import Route, ScenarioSpec, Weather
 from pytest_drive_robust.errors import RouteError
-from pytest_drive_robust.simulators.embedded.traced.schema import (
-    SCHEMA,
-    is_carla,
-    is_numeric,
-    is_traced,
-    nearest_hint,
-    problems_of,
-)
-
-_WEATHER_RANGES = {"sun_azimuth_angle": (-360.0, 360.0), "sun_altitude_angle": (-90.0, 90.0)}
-"""Ranges in degrees; all other attributes are percentages."""
-_SHARE = "route_percentage"
-_NOT_IN_IDS = frozenset(",:/")
-"""Separators of ids, and of files and ids, in a route selection."""
-_OF_CARLA = (
-    "dust_storm", "fog_distance", "fog_falloff", "mie_scattering_scale", "rayleigh_scattering_scale",
-    "scattering_intensity",
-)  # fmt: skip
-"""Attributes of `carla.WeatherParameters` that our worlds do not show."""
-_NAMES: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "route": (("id", "town"), ("waypoints", "scenarios", "weathers")),
-    "waypoints": ((), ("position",)),
-    "position": (("x", "y", "z"), ()),
-    "scenarios": ((), ("scenario",)),
-    "trigger_point": (("x", "y", "z", "yaw"), ()),
-    "weathers": ((), ("weather",)),
-}
-"""The known attributes and elements of each element; scenario elements are checked elsewhere."""
-_CARLA_DEFAULT = -1.0
-"""A percentage of -1 leaves the choice to CARLA; we then use our default."""
+from pytest_drive_robust.simulators.embedded.route_element import no_such_name, read_route
+from pytest_drive_robust.simulators.embedded.traced.scenario_problems import problems_of
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, is_carla, is_traced
 
 
 def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
@@ -76,7 +47,7 @@ def load_routes(path: Path, *, is_ours: bool = False) -> tuple[Route, ...]:
         raise RouteError(f"{path}: holds no <route>")
     strange = next((child.tag for child in root if child.tag != "route"), None)
     if strange is not None and not any(is_carla(element.get("town", "")) for element in elements):
-        raise RouteError(f"{path}: {_no_such('routes', 'element', strange, ('route',))}")
+        raise RouteError(f"{path}: {no_such_name('routes', 'element', strange, ('route',))}")
     routes, problems = _read(elements)
     if problems:
         problems += [problem for route in routes if (problem := _misfit(route)) is not None]
@@ -92,7 +63,7 @@ def _read(elements: list[ElementTree.Element]) -> tuple[list[Route], list[str]]:
     seen: set[str] = set()
     for element in elements:
         try:
-            route = _route(element)
+            route = read_route(element)
         except RouteError as error:
             problems.append(str(error))
             continue
@@ -153,133 +124,3 @@ def _write_scenario(parent: ElementTree.Element, scenario: ScenarioSpec) -> None
         ElementTree.SubElement(element, name, {key: repr(value) for key, value in attributes.items()})
     for name, text in scenario.texts.items():
         ElementTree.SubElement(element, name, value=text)
-
-
-def _route(element: ElementTree.Element) -> Route:
-    route_id = element.get("id")
-    if not route_id:
-        raise RouteError("a <route> has no id")
-    if route_id != route_id.strip() or _NOT_IN_IDS.intersection(route_id) or route_id.endswith(".xml"):
-        raise RouteError(
-            f"route {route_id!r}: --drive-routes could not name it. Give it an id without commas, colons and slashes, "
-            "without blanks at its ends and without .xml"
-        )
-    where = f"route {route_id}"
-    town = element.get("town")
-    if not town:
-        raise RouteError(f"{where}: <route> has no town")
-    official = is_carla(town)
-    unread = [] if official else list(_unread(element))
-    if unread:
-        raise RouteError(f"{where}: {'; '.join(unread)}")
-    positions = element.findall("waypoints/position")
-    waypoints = tuple(
-        Waypoint(_number(p, "x", where), _number(p, "y", where), _number(p, "z", where)) for p in positions
-    )
-    if len(waypoints) < 2:
-        raise RouteError(f"{where}: {len(waypoints)} waypoint(s), expected at least 2")
-    scenarios = element.findall("scenarios/scenario")
-    if len(scenarios) != 1:
-        raise RouteError(f"{where}: {len(scenarios)} scenarios, expected exactly 1")
-    scenario = _scenario(scenarios[0], where, strict=not official)
-    return Route(route_id, town, waypoints, scenario, _weather(element, where, official=official))
-
-
-def _unread(element: ElementTree.Element) -> Iterator[str]:
-    """Yield a line for each unread name in an element and its children: unknown names, and elements given twice."""
-    attributes, children = _NAMES.get(element.tag, (tuple(element.attrib), ()))
-    if element.tag == "scenario":  # its known elements depend on the scenario type, and are checked elsewhere
-        attributes, children = ("name", "type"), tuple(child.tag for child in element)
-    for name in element.attrib:
-        if name not in attributes:
-            yield _no_such(element.tag, "attribute", name, attributes)
-    for child in element:
-        if child.tag in children:
-            yield from _unread(child)
-        else:
-            yield _no_such(element.tag, "element", child.tag, children)
-    if element.tag == "scenario":
-        for name, times in Counter(child.tag for child in element).items():
-            if times > 1:
-                yield f"<{name}> stands {times} times in its scenario, expected once"
-
-
-def _no_such(element: str, what: str, name: str, known: tuple[str, ...]) -> str:
-    """Return the message that an element has no such name, with the nearest known name or the element it belongs in."""
-    home = next((tag for tag, (_, children) in _NAMES.items() if what == "element" and name in children), None)
-    hint = f": it belongs in <{home}>." if home else nearest_hint(name, known) or "."
-    return f"<{element}> has no {what} {name!r}{hint} Known: {', '.join(known) or 'none'}"
-
-
-def _scenario(element: ElementTree.Element, where: str, *, strict: bool) -> ScenarioSpec:
-    """Read a scenario; `strict` keeps every numeric attribute, so that one without effect can be refused."""
-    kind = element.get("type")
-    if not kind:
-        raise RouteError(f"{where}: <scenario> has no type")
-    trigger = element.find("trigger_point")
-    if trigger is None:
-        raise RouteError(f"{where}: scenario {kind} has no <trigger_point>")
-    at = TriggerPoint(*(_number(trigger, name, where) for name in ("x", "y", "z", "yaw")))
-    parameters: dict[str, dict[str, float]] = {}
-    texts: dict[str, str] = {}
-    for child in element:
-        if child.tag == "trigger_point":
-            continue
-        if strict and is_numeric(child.tag):
-            parameters[child.tag] = {name: _number(child, name, where) for name in child.attrib}
-            continue
-        numbers = {name: number for name, text in child.attrib.items() if (number := _finite(text)) is not None}
-        if numbers:
-            parameters[child.tag] = numbers
-        elif "value" in child.attrib:
-            texts[child.tag] = child.attrib["value"]
-        elif strict:
-            texts[child.tag] = ""
-    return ScenarioSpec(element.get("name") or f"{kind}_1", kind, at, parameters, texts)
-
-
-def _weather(element: ElementTree.Element, where: str, *, official: bool) -> Weather:
-    found = []
-    for each in element.findall("weathers/weather"):
-        share = _number(each, _SHARE, where) if _SHARE in each.attrib else 0.0
-        found.append((share, _one_weather(each, where, official=official)))
-    if not found:
-        return Weather()
-    if not official and len({weather for _, weather in found}) > 1:
-        raise RouteError(
-            f"{where}: its {len(found)} <weather> elements differ, but the weather of a route does not change: keep "
-            "one, or give all of them the same values"
-        )
-    return min(found, key=lambda one: one[0])[1]
-
-
-def _one_weather(element: ElementTree.Element, where: str, *, official: bool) -> Weather:
-    names = [field.name for field in fields(Weather)]
-    for name in element.attrib:
-        if name not in (*names, _SHARE, *(_OF_CARLA if official else ())):
-            raise RouteError(f"{where}: {_no_such('weather', 'attribute', name, (_SHARE, *names))}")
-    given = {name: _number(element, name, where) for name in names if name in element.attrib}
-    for name, number in tuple(given.items()):
-        if number == _CARLA_DEFAULT and name not in _WEATHER_RANGES:
-            del given[name]
-            continue
-        low, high = _WEATHER_RANGES.get(name, (0.0, 100.0))
-        if not low <= number <= high:
-            raise RouteError(f"{where}: <weather> has {name}={number:g}, expected {low:g} to {high:g}")
-    return Weather(**given)
-
-
-def _number(element: ElementTree.Element, name: str, where: str) -> float:
-    text = element.get(name)
-    number = None if text is None else _finite(text)
-    if number is None:
-        raise RouteError(f"{where}: <{element.tag}> has {name}={text!r}, expected a finite number")
-    return number
-
-
-def _finite(text: str) -> float | None:
-    try:
-        number = float(text)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) else None

@@ -20,7 +20,7 @@ _FILE = _FOLDER / "full.xml"
 ALL_ROUTES = "full"
 """The set in which route ids without a set or file are looked up."""
 
-default_set = "one-per-scenario"
+DEFAULT_SET = "one-per-scenario"
 
 _DEV10 = frozenset(
     (

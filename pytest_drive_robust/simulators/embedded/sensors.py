@@ -69,5 +69,5 @@ class Sensors:
         }
 
     def restore(self, images: Mapping[str, Image]) -> None:
-        """Restore a `snapshot` of this rig."""
+        """Restore a `snapshot` of these sensors."""
         self._images = dict(images)

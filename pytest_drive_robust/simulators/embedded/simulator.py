@@ -50,30 +50,30 @@ class EmbeddedSimulator:
 
     def __init__(self, options: SimulatorOptions | None = None) -> None:
         self.options = options or SimulatorOptions()
-        self._now: tuple[World, Sensors] | None = None
+        self._episode: tuple[World, Sensors] | None = None
         self._state: WorldState | None = None
 
     @property
     def world(self) -> World:
         """The world of the current episode. Raises `SimulationError` before the first `reset`."""
-        return self._episode[0]
+        return self._now[0]
 
     @property
     def sensors(self) -> Sensors:
-        """The rig of the current episode. Raises `SimulationError` before the first `reset`."""
-        return self._episode[1]
+        """The sensors of the current episode. Raises `SimulationError` before the first `reset`."""
+        return self._now[1]
 
     @property
-    def _episode(self) -> tuple[World, Sensors]:
-        if self._now is None:
+    def _now(self) -> tuple[World, Sensors]:
+        if self._episode is None:
             raise SimulationError("the embedded simulator has no route yet: call reset(route, seed=..., cameras=...)")
-        return self._now
+        return self._episode
 
     def reset(self, route: Route, *, seed: int, cameras: Sequence[CameraSpec]) -> WorldState:
         """Build the world of `route` and put the ego at its start. Raises `RouteError`, `SimulationError`."""
         world = self._build(route, seed)
-        rig = Sensors(cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S)
-        self._now = world, rig
+        sensors = Sensors(cameras, lane_map=world.lane_map, weather=route.weather, route=world.dense.rows, dt_s=DT_S)
+        self._episode = world, sensors
         self._state = world.now()
         return self._state
 
@@ -163,4 +163,4 @@ class EmbeddedSimulator:
 
     def close(self) -> None:
         """Forget the current world."""
-        self._now = self._state = None
+        self._episode = self._state = None

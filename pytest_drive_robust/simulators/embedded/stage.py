@@ -10,7 +10,7 @@ from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import ActorKind, ActorState
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Cast, Script, Trigger
+from pytest_drive_robust.simulators.embedded.actors import SIZES, ActorSpec, Cast, Script, Trigger
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute
 from pytest_drive_robust.simulators.embedded.light_programs import GREEN, RED, Program
 from pytest_drive_robust.simulators.embedded.places import RoutePlaces
@@ -125,7 +125,7 @@ class Stage(RoutePlaces):
         `ActorSpec`.
         """
         name = f"flow{len(self.cast.flow_rows)}"
-        least = max(SIZES_M[kind][0] for kind in kinds) + _LEAST_ROOM_M
+        least = max(SIZES[kind].length_m for kind in kinds) + _LEAST_ROOM_M
         gaps = self.draws(name).uniforms(max(gap_m[0], least), max(gap_m[1], least + 0.5), _GAPS)
         dense = min(int(np.searchsorted(np.cumsum(gaps), dense_m)), _GAPS // 2)
         gaps[dense + 2 :: 3] *= 2.0

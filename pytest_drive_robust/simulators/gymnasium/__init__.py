@@ -1,8 +1,10 @@
 """`gymnasium:ID`: highway-env's environments, and similar environments, behind our `Simulator` protocol.
 
-Modules: `environments` decides which environments can be driven, makes an environment at 20 Hz and isolates its class
-attributes; `route_line` reads the ego's destination and draws the route there, `road_map` reads the lanes; `live_road`
-applies controls and reads the vehicles; `criteria` judges; other packages import `simulator`.
+Modules: `environments` decides which environments can be driven and makes one at 20 Hz; `class_attributes` keeps what
+an environment writes to shared classes away from the others; `routes` numbers the resets. `road_map` reads the lanes,
+`itinerary` finds the lanes to the ego's destination, `route_line` draws the route along them. `ego` is the vehicle that
+the agent drives, `live_road` steps the environment and reads its vehicles, `criteria` judges. Other packages import
+`simulator`.
 """
 
 from __future__ import annotations

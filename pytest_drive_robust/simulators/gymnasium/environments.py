@@ -1,4 +1,4 @@
-"""Make a drivable environment: 20 Hz, two actions, no observation, no reward, isolated class attributes."""
+"""Find a registered environment and make it drivable: 20 Hz, two actions, no observation, no reward."""
 
 from __future__ import annotations
 
@@ -6,23 +6,16 @@ import copy
 import functools
 import importlib
 import math
-import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
-import highway_env
-import highway_env.vehicle.behavior
-import highway_env.vehicle.dynamics  # noqa: F401 -- classes must exist before they can be watched
 import numpy as np
 from gymnasium.envs.registration import EnvSpec, load_env_creator
 from highway_env.envs.common.abstract import AbstractEnv
-from highway_env.vehicle.objects import RoadObject
 
-from pytest_drive_robust.domain.route import Route, ScenarioSpec, TriggerPoint
-from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
-from pytest_drive_robust.simulators.gymnasium.live_road import ACCELERATION_RANGE_MPS2, STEERING_RANGE_RAD, EgoAction
+from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.simulators.gymnasium.ego import ACCELERATION_RANGE_MPS2, STEERING_RANGE_RAD, EgoAction
 
 Environment = gymnasium.Env[Any, Any]
 
@@ -50,9 +43,6 @@ _EXPECTED = (
     "expected an environment like highway-env's: unwrapped it has `road` (network, vehicles, objects), `vehicle`, "
     "`config` and `action_type`, and `gymnasium.make(id, config={...})` sets its config"
 )
-ROUTES = 10
-"""Number of routes that are driven when no route is named."""
-_MOST_ROUTES = 100_000
 WORKING = (
     *("exit-v0", "exit-v1", "highway-v0", "highway-fast-v0", "intersection-v0", "intersection-v1", "intersection-v2"),
     *("merge-v0", "merge-v1", "merge-generic-v0", "merge-generic-v1", "racetrack-v0", "racetrack-v1"),
@@ -158,91 +148,3 @@ def _check(env: Any, name: str) -> None:
 @functools.cache
 def _drivable(creator: type) -> type:
     return type(f"Drivable{creator.__name__}", (DrivableEnvironment, creator), {"__module__": __name__})
-
-
-def routes_of(simulator: str, identifier: str, names: Sequence[str] = ()) -> tuple[Route, ...]:
-    """Return the routes of the given names, each once; without names the first `ROUTES`, `ID-0` to `ID-9`.
-
-    A route has no waypoints, because its way is known only after the reset. Raises `UnknownNameError`.
-    """
-    wanted = names or [f"{identifier}-{number}" for number in range(ROUTES)]
-    for name in wanted:
-        if _number(name, identifier) is None:
-            known = [f"{identifier}-{number}" for number in range(ROUTES)]
-            hint = f"Any number up to {_MOST_ROUTES - 1} will do."
-            raise UnknownNameError.of(f"route of {simulator}", name, known, hint=hint)
-    scenario = ScenarioSpec(identifier, identifier, TriggerPoint(0.0, 0.0, 0.0, 0.0))
-    return tuple(Route(name, simulator, (), scenario) for name in dict.fromkeys(wanted))
-
-
-def reset_seed(route: Route, seed: int, *, simulator: str, identifier: str) -> int:
-    """Return the reset's seed: the route's number + 100000 times the episode's. Raises `RouteError` for another."""
-    number = _number(route.id, identifier)
-    if number is None:
-        raise RouteError(
-            f"route {route.label!r} is for town {route.town!r} and does not fit {simulator}, which makes its own "
-            f"roads: give --drive-routes {simulator} for its first {ROUTES} routes, or some of {identifier}-0 to "
-            f"{identifier}-{_MOST_ROUTES - 1} by name"
-        )
-    return number + _MOST_ROUTES * seed
-
-
-def _number(name: str, identifier: str) -> int | None:
-    found = re.fullmatch(re.escape(identifier) + r"-(0|[1-9]\d{0,4})", name)
-    return None if found is None else int(found.group(1))
-
-
-Values = Mapping[type, Mapping[str, object]]
-
-
-class ClassAttributes:
-    """One environment's own values of class attributes in one episode, in force only while its code runs.
-
-    `IntersectionEnv` sets `IDMVehicle.DISTANCE_WANTED`, `COMFORT_ACC_MAX` and `COMFORT_ACC_MIN` on the class and never
-    puts them back: every later environment of the process would drive other trajectories for the same seed.
-
-    >>> from highway_env.vehicle.behavior import IDMVehicle
-    >>> own, before = ClassAttributes(), IDMVehicle.DISTANCE_WANTED
-    >>> with own.inside():
-    ...     IDMVehicle.DISTANCE_WANTED = 7
-    >>> IDMVehicle.DISTANCE_WANTED == before
-    True
-    """
-
-    def __init__(self) -> None:
-        self._own: Values = {}
-
-    @contextmanager
-    def inside(self) -> Iterator[None]:
-        """Run the environment's code with its own values; restore the outer values afterwards, also on an error."""
-        outside = _snapshot()
-        _write(self._own)
-        try:
-            yield
-        finally:
-            self._own = _snapshot()
-            _write(outside)
-
-
-def _snapshot() -> Values:
-    """Return by class the plain attributes that `RoadObject` and each of its subclasses define."""
-    family: list[type] = [RoadObject]
-    for cls in family:  # the list grows during the loop
-        children: list[type] = cls.__subclasses__()
-        family.extend(child for child in children if child not in family)
-    return {cls: _plain(cls) for cls in family}
-
-
-def _plain(cls: type) -> dict[str, object]:
-    """Return the plain values of a class: numbers, texts, lists, but no method, property or dunder."""
-    values = vars(cls).items()
-    return {k: v for k, v in values if not (k.startswith("__") or callable(v) or hasattr(v, "__get__"))}
-
-
-def _write(values: Values) -> None:
-    for cls, attributes in values.items():
-        for name in _plain(cls).keys() - attributes.keys():
-            delattr(cls, name)
-        for name, value in attributes.items():
-            if vars(cls).get(name, values) is not value:
-                setattr(cls, name, value)

@@ -18,10 +18,13 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.gymnasium import environments
+from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
 from pytest_drive_robust.simulators.gymnasium.criteria import EpisodeCriteria
+from pytest_drive_robust.simulators.gymnasium.itinerary import itinerary_of
 from pytest_drive_robust.simulators.gymnasium.live_road import LiveRoad
 from pytest_drive_robust.simulators.gymnasium.road_map import junction_keys, read_map
-from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line, itinerary_of
+from pytest_drive_robust.simulators.gymnasium.route_line import RouteLine, draw_line
+from pytest_drive_robust.simulators.gymnasium.routes import reset_seed, routes_of
 
 
 @dataclass
@@ -53,7 +56,7 @@ class GymnasiumSimulator:
         self._spec = environments.find_spec(identifier)
         self.name = f"gymnasium:{identifier}"
         self._registered_by = identifier.rpartition(":")[0]
-        self._classes = environments.ClassAttributes()
+        self._classes = ClassAttributes()
         self._env: environments.Environment | None = None
         self._episode: _Episode | None = None
         if self._spec.id not in environments.WORKING:  # unknown to us: fail now if it cannot be driven
@@ -69,7 +72,7 @@ class GymnasiumSimulator:
 
     def routes(self, names: Sequence[str] = ()) -> tuple[Route, ...]:
         """Return the routes of the given names; without names `ID-0` to `ID-9`. Raises `UnknownNameError`."""
-        return environments.routes_of(self.name, self._spec.id, names)
+        return routes_of(self.name, self._spec.id, names)
 
     def check_route(self, route: Route) -> None:
         """Raise `RouteError` for a route of another world."""
@@ -79,7 +82,7 @@ class GymnasiumSimulator:
         """Reset the environment for `route`. Raises `RouteError`, `SimulationError`, `UsageError`."""
         number = self._reset_seed(route, seed)
         self._episode = None
-        self._classes = environments.ClassAttributes()
+        self._classes = ClassAttributes()
         with self._classes.inside():
             if self._env is None:
                 self._env = environments.make_environment(self._spec, name=self.name)
@@ -107,7 +110,7 @@ class GymnasiumSimulator:
         with self._classes.inside():
             episode.road.step(control)
             episode.state = episode.road.state()
-            episode.criteria.judge(episode.state, dt_s=self.dt_s, options=self.options)
+            episode.criteria.judge(episode.state)
         return episode.state
 
     @property
@@ -123,7 +126,7 @@ class GymnasiumSimulator:
     def score(self) -> EpisodeScore:
         """Close the criteria and report them."""
         episode = self._now
-        return episode.criteria.score(episode.state, dt_s=self.dt_s, options=self.options)
+        return episode.criteria.score(episode.state)
 
     @property
     def sources(self) -> tuple[str, ...]:
@@ -151,7 +154,7 @@ class GymnasiumSimulator:
             self._env = None
 
     def _reset_seed(self, route: Route, seed: int) -> int:
-        return environments.reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
+        return reset_seed(route, seed, simulator=self.name, identifier=self._spec.id)
 
     @property
     def _now(self) -> _Episode:
@@ -169,7 +172,7 @@ class GymnasiumSimulator:
             road=road,
             line=line,
             lane_map=lane_map,
-            criteria=EpisodeCriteria(road, line, lane_map, index),
+            criteria=EpisodeCriteria(road, line, lane_map, index, dt_s=self.dt_s, options=self.options),
             sensors=Sensors(cameras, lane_map=lane_map, weather=route.weather, route=line.rows, dt_s=self.dt_s),
             state=road.state(),
         )

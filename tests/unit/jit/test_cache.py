@@ -16,7 +16,8 @@ import numba
 import pytest
 from numba.core.registry import cpu_target
 
-from pytest_drive_robust.jit.cache import KernelCache, cache_folder, content_digest
+from pytest_drive_robust.jit.cache import KernelCache, cache_folder
+from pytest_drive_robust.jit.content import content_digest
 from pytest_drive_robust.jit.kernels import ENTRIES
 from pytest_drive_robust.jit.signatures import numba_type
 

@@ -15,6 +15,7 @@ import pytest
 from pytest_drive_robust.jit import compile_all
 from pytest_drive_robust.jit.arrays import Floats1
 from pytest_drive_robust.jit.cache import cache_folder
+from pytest_drive_robust.jit.entry_groups import group_entries
 from pytest_drive_robust.jit.kernels import entry, inner
 
 
@@ -92,10 +93,10 @@ def test_what_is_needed_first_is_there_before_the_rest(
     assert from_cache(some[2:]) == [1]
     assert begun.missing == 3
     assert set(told) >= {(0, 1), (1, 1)}
-    assert begun.news is not None
+    assert begun.progress_fd is not None
     assert len(begun.children) == processes
-    while begun.news is not None:
-        begun.hear()
+    while begun.progress_fd is not None:
+        begun.read_progress()
     assert told[-1] == (4, 4)
     assert from_cache(some) == [1, 1, 1]
     assert values(some) == [15.0, 16.0, 7.0]
@@ -108,7 +109,7 @@ def test_where_nothing_can_be_written_no_process_compiles_in_vain(
     monkeypatch.setattr(compile_all.os, "access", lambda path, mode: False)
     begun = compile_all.Compilation(some[2:], processes=2)
     assert begun.children == []
-    assert begun.news is None
+    assert begun.progress_fd is None
     assert values(some) == [15.0, 16.0, 7.0]
 
 
@@ -123,7 +124,7 @@ def test_what_is_in_the_cache_is_loaded_and_nothing_told(some: list[object]) -> 
 
 
 def test_entry_points_that_share_a_part_are_compiled_by_one_process(some: list[object]) -> None:
-    names = [[kernel.__name__ for kernel in group] for group in compile_all._groups(some)]
+    names = [[kernel.__name__ for kernel in group] for group in group_entries(some)]
     assert names == [["first", "second"], ["apart"]]
 
 
@@ -149,8 +150,8 @@ def test_where_nothing_can_be_written_all_is_compiled_here(some: list[object], t
 def test_another_process_that_compiles_is_named_and_not_waited_for_without_end(
     some: list[object], goes_on: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(compile_all, "_ASK_S", 0.1)
-    monkeypatch.setattr(compile_all, "_PATIENCE_S", 600.0 if goes_on else 0.3)
+    monkeypatch.setattr(compile_all, "_LOCK_TRY_S", 0.1)
+    monkeypatch.setattr(compile_all, "_LOCK_WAIT_S", 600.0 if goes_on else 0.3)
     cache_folder().mkdir(parents=True)
     other = filelock.FileLock(cache_folder() / "compiling.lock")
     told: list[tuple[int, int]] = []

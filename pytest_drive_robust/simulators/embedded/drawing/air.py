@@ -85,11 +85,6 @@ class Air(NamedTuple):
             drops=_ramp(rain, 0.15, 1.0),
         )
 
-    @property
-    def street_light(self) -> float:
-        """Brightness of street lamps on the road, 0..1; 0 until it is half dark."""
-        return self.night if self.night > 0.5 else 0.0
-
 
 def sky_rows(height: int, view: CameraView, air: Air) -> NDArray[np.uint32]:
     """Return packed colours 0x00BBGGRR (height,): haze at the horizon, `air.sky_top` high above it."""

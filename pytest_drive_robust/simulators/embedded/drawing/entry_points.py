@@ -20,10 +20,14 @@ from pytest_drive_robust.simulators.embedded.drawing.canvas import (
 )
 from pytest_drive_robust.simulators.embedded.drawing.ground import draw_ground
 from pytest_drive_robust.simulators.embedded.drawing.lens import draw_lens
+from pytest_drive_robust.simulators.embedded.drawing.packed import pack_pixels
 from pytest_drive_robust.simulators.embedded.drawing.raster import draw_faces
-from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels, pack_pixels
+from pytest_drive_robust.simulators.embedded.drawing.shade import draw_pixels
 from pytest_drive_robust.simulators.embedded.drawing.shadows import draw_shadows
 from pytest_drive_robust.simulators.embedded.drawing.street_lamps import draw_pools
+
+_HALF_DARK = 0.5
+"""`Air.night` beyond which street lamps light the road."""
 
 
 @entry
@@ -34,25 +38,23 @@ def draw_camera(
     view: CameraView,
     air: Air,
     lamps: Headlamps,
-    street_light: float,
     tick: int,
 ) -> None:
     """Draw the picture of one camera to `canvas.pixels`."""
-    draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
-    draw_ground(canvas, ground.rows, ground.sky, ground.texels, ground.levels, view, air, lamps)
+    draw_faces(canvas, scene, view)
+    draw_ground(canvas, ground, view, air, lamps)
     draw_shadows(canvas, ground.rows, scene.actors, view, air)
     draw_pixels(canvas, scene.rows, view, air, lamps, ground.clear)
-    if street_light > 0.0:
-        draw_pools(canvas, scene.street_lamps, view, air.haze_per_m, street_light)
+    if air.night > _HALF_DARK:
+        draw_pools(canvas, scene.street_lamps, view, air.haze_per_m, air.night)
     pack_pixels(canvas.words, canvas.colours)
-    if air.rain > 0.0 or air.drops > 0.0 or air.glare > 0.0:
-        draw_lens(canvas.pixels, canvas.faces, tick, view, air)
+    draw_lens(canvas.pixels, canvas.faces, tick, view, air)
 
 
 @entry
 def find_actors(canvas: Canvas, scene: FrameScene, view: CameraView, instance: Annotated[NDArray[np.int32], 2]) -> None:
     """Write to `instance` (height, width) the actor id that each pixel shows; see `CameraRig.actors_seen`."""
-    draw_faces(canvas, scene.rows, scene.still, scene.ends, scene.actors, view)
+    draw_faces(canvas, scene, view)
     for row in range(instance.shape[0]):
         instance[row, :] = -1
         for column in range(canvas.touched[row, 0], canvas.touched[row, 1]):

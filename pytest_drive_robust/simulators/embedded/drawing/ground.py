@@ -2,7 +2,7 @@
 
 Our cameras never roll, so a row of pixels meets the ground at one depth and along a straight line. `ground_rows`
 computes once the values that depend only on the row. A far row covers many texels in depth and is averaged from several
-lines, which keeps stop lines and dashes from flickering. All sampling is in integers.
+lines, which keeps stop lines and dashes from flickering.
 """
 
 from __future__ import annotations
@@ -17,23 +17,18 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing import texture
 from pytest_drive_robust.simulators.embedded.drawing.air import Air
-from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas, Headlamps, Triple
+from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraGround, CameraView, Canvas, Headlamps, Triple
+from pytest_drive_robust.simulators.embedded.drawing.packed import pack
+from pytest_drive_robust.simulators.embedded.drawing.sampling import add_line
 
-DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = 0, 1, 2, 3, 4, 5
+DEPTH, AHEAD, LINES, LEVEL, CLEAR, LINE = range(6)
+"""The columns of `ground_rows`."""
 _MOST_LINES = 4
 _COLUMNS = LINE + 2 * _MOST_LINES
 _FLATTEST = -1e-4
 _SIXTEEN, _THIRTYTWO = np.uint64(16), np.uint64(32)
 _LANE = np.uint64(0xFFFF)
-_255 = np.float32(255.0)
 _MIRROR = 0.75
-Walk = tuple[int, int, int, int, int, int, int]
-_FRACTION_BITS = 20
-_WIDE = texture.NEAR_LEVELS
-"""The finest level that covers the wide region."""
-_RED_BLUE_GREEN = np.uint64(0x00FF00FF00FF)
-_ONE, _FOUR, _EIGHT, _TWENTYFOUR = (np.uint64(number) for number in (1, 4, 8, 24))
-_OUTSIDE = np.uint64((texture.FAR_TEXEL | (texture.FAR_TEXEL << 24)) & 0x00FF00FF00FF)
 
 
 def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats) -> Floats:
@@ -67,26 +62,14 @@ def ground_rows(height: int, view: CameraView, haze_per_m: float, levels: Floats
 
 
 @inner
-def draw_ground(
-    canvas: Canvas,
-    rows: Floats,
-    sky: NDArray[np.uint32],
-    texels: NDArray[np.uint32],
-    levels: Floats,
-    view: CameraView,
-    air: Air,
-    lamps: Headlamps,
-) -> None:
-    """Fill `canvas.colours` wherever no face is seen.
-
-    `rows` comes from `ground_rows`, `sky` (height,) is the colour of the rows that show it, `texels` and `levels` are a
-    `GroundTexture`.
-    """
+def draw_ground(canvas: Canvas, ground: CameraGround, view: CameraView, air: Air, lamps: Headlamps) -> None:
+    """Fill `canvas.colours` wherever no face is seen."""
     colours, faces, touched = canvas.colours, canvas.faces, canvas.touched
+    rows = ground.rows
     height, width = colours.shape
     for row in range(height):
         if rows[row, DEPTH] <= 0.0:
-            colours[row, :] = sky[row]
+            colours[row, :] = ground.sky[row]
             continue
         light, haze = _row_light(rows[row], view, air)
         first = 0
@@ -99,7 +82,7 @@ def draw_ground(
             sums[:] = np.uint64(0)
             for line in range(int(rows[row, LINES])):
                 depth, ahead = rows[row, LINE + 2 * line], rows[row, LINE + 2 * line + 1]
-                add_line(sums, texels, levels, int(rows[row, LEVEL]), view, depth, ahead, first - 0.5 * width)
+                add_line(sums, ground, int(rows[row, LEVEL]), view, depth, ahead, first - 0.5 * width)
             if lamps.strength > 0.0:
                 _light_by_night(colours[row, first:end], sums, rows[row], light, haze, view, lamps, first - 0.5 * width)
             else:
@@ -137,18 +120,16 @@ def _run_end(faces: NDArray[np.int32], first: int, low: int, high: int) -> int:
 @inner
 def _light_by_day(colours: NDArray[np.uint32], sums: NDArray[np.uint64], light: Triple, haze: Triple) -> None:
     for u in range(len(colours)):
-        red = np.float32(np.int32(sums[u] & _LANE)) * light[0] + haze[0]
-        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * light[1] + haze[1]
-        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
-        colours[u] = _pack(red, green, blue)
+        colours[u] = _lit(sums[u], light, haze)
 
 
 @inner
-def _pack(red: float, green: float, blue: float) -> int:
-    """Return 0x00BBGGRR."""
-    red, green, blue = red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255
-    packed: int = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)
-    return packed
+def _lit(total: np.uint64, light: Triple, haze: Triple) -> int:
+    """Return the colour of a sum of samples (see `add_line`) in this light, behind haze, packed."""
+    red = np.float32(np.int32(total & _LANE)) * light[0] + haze[0]
+    green = np.float32(np.int32(total >> _THIRTYTWO)) * light[1] + haze[1]
+    blue = np.float32(np.int32((total >> _SIXTEEN) & _LANE)) * light[2] + haze[2]
+    return pack(red, green, blue)
 
 
 @inner
@@ -185,118 +166,4 @@ def _light_by_night(
         near = (forward - two) * rise
         near = near if near < whole else whole
         extra = strength * beam * near / (whole + forward * fade * (forward * fade))
-        red = np.float32(np.int32(sums[u] & _LANE)) * (light[0] + extra) + haze[0]
-        green = np.float32(np.int32(sums[u] >> _THIRTYTWO)) * (light[1] + extra) + haze[1]
-        blue = np.float32(np.int32((sums[u] >> _SIXTEEN) & _LANE)) * (light[2] + extra * blue_share) + haze[2]
-        colours[u] = _pack(red, green, blue)
-
-
-@inner
-def add_line(
-    sums: NDArray[np.uint64],
-    texels: NDArray[np.uint32],
-    levels: Floats,
-    level: int,
-    view: CameraView,
-    depth: float,
-    ahead: float,
-    start_px: float,
-) -> None:
-    """Add bilinear samples to `sums`: red in bits 0 to 15, blue in 16 to 31, green in 32 to 47.
-
-    The line runs across the picture `depth` metres along the optical axis and `ahead` metres along the ground; `sums`
-    begins `start_px` pixels right of the picture's middle. Where `level` has no texels, a coarser level is sampled.
-    """
-    near, wide = _walks(levels, level, view, depth, ahead, start_px)
-    low, high = _inside(near, 0, len(sums))
-    _sample(sums, texels, near, low, high)
-    if low > 0 or high < len(sums):
-        for first, end in ((0, low), (high, len(sums))):
-            wide_low, wide_high = _inside(wide, first, end)
-            _sample(sums, texels, wide, wide_low, wide_high)
-            for u in range(first, wide_low):
-                sums[u] += _OUTSIDE
-            for u in range(wide_high, end):
-                sums[u] += _OUTSIDE
-
-
-@inner
-def _walks(
-    levels: Floats, level: int, view: CameraView, depth: float, ahead: float, start_px: float
-) -> tuple[Walk, Walk]:
-    """Return a line in the texels of `level` and in those of a level of the wide region, one step per pixel."""
-    step = depth / view.focal_px
-    side = (start_px + 0.5) * step
-    x = view.x_m + ahead * view.cos_yaw - side * view.sin_yaw
-    y = view.y_m + ahead * view.sin_yaw + side * view.cos_yaw
-    if abs(x) > 1e7 or abs(y) > 1e7:
-        x, y, step = 1e7, 1e7, 0.0
-    dx, dy = -view.sin_yaw * step, view.cos_yaw * step
-    near = _line(levels, level, x, y, dx, dy)
-    return near, near if level >= _WIDE else _line(levels, _WIDE, x, y, dx, dy)
-
-
-@inner
-def _line(levels: Floats, level: int, x: float, y: float, dx: float, dy: float) -> Walk:
-    """Return a walk in fixed-point texels of one level: start, step, columns, rows, first texel."""
-    scale = (1 << _FRACTION_BITS) / levels[level, texture.TEXEL_M]
-    half = 1 << (_FRACTION_BITS - 1)
-    return (
-        int((x - levels[level, texture.CORNER_X]) * scale) - half,
-        int((y - levels[level, texture.CORNER_Y]) * scale) - half,
-        int(dx * scale),
-        int(dy * scale),
-        int(levels[level, texture.COLUMNS]),
-        int(levels[level, texture.ROWS]),
-        int(levels[level, texture.FIRST]),
-    )
-
-
-@inner
-def _inside(walk: Walk, first: int, end: int) -> tuple[int, int]:
-    """Return (first, end) of the steps in `first`..`end` that lie within the texture."""
-    i, j, di, dj, columns, rows, _ = walk
-    low, high = _within(i, di, (columns - 1) << _FRACTION_BITS, first, end)
-    low, high = _within(j, dj, (rows - 1) << _FRACTION_BITS, low, high)
-    return (low, high) if low < high else (end, end)
-
-
-@inner
-def _within(start: int, step: int, limit: int, first: int, end: int) -> tuple[int, int]:
-    """Return the u of `first`..`end` with 0 <= start + u * step < limit."""
-    if 0 <= start + first * step < limit and 0 <= start + (end - 1) * step < limit:
-        return first, end
-    if step < 0:
-        # mirrored, so that the step is positive below
-        start, step = limit - 1 - start, -step
-    if step == 0:
-        return (first, end) if 0 <= start < limit else (end, end)
-    # smallest u with start + u * step >= 0, and with >= limit
-    return max(first, -(start // step)), min(end, -((start - limit) // step))
-
-
-@inner
-def _spread(texel: np.uint64) -> np.uint64:
-    """Spread 0x00BBGGRR to red in bits 0 to 15, blue in 16 to 31, green in 32 to 47: room for products with 256."""
-    lanes: np.uint64 = (texel | (texel << _TWENTYFOUR)) & _RED_BLUE_GREEN
-    return lanes
-
-
-@inner
-def _sample(sums: NDArray[np.uint64], texels: NDArray[np.uint32], walk: Walk, first: int, end: int) -> None:
-    """Add the bilinear mean of the four texels around steps `first` to `end` of a walk, weights in sixteenths."""
-    i, j, di, dj, columns, _, offset = walk
-    i, j = i + first * di, j + first * dj
-    for u in range(first, end):
-        at = offset + (j >> _FRACTION_BITS) * columns + (i >> _FRACTION_BITS)
-        upper, lower = np.uintp(at), np.uintp(at + columns)
-        a, b = np.uint64((i >> (_FRACTION_BITS - 4)) & 15), np.uint64((j >> (_FRACTION_BITS - 4)) & 15)
-        one, other = _spread(np.uint64(texels[upper])), _spread(np.uint64(texels[upper + _ONE]))
-        top = (one << _FOUR) + (other - one) * a
-        one, other = _spread(np.uint64(texels[lower])), _spread(np.uint64(texels[lower + _ONE]))
-        bottom = (one << _FOUR) + (other - one) * a
-        # a negative difference borrows from the neighbouring channel; the sum restores the borrow
-        mean = (top << _FOUR) + (bottom - top) * b
-        sums[np.uintp(u)] += (mean >> _EIGHT) & _RED_BLUE_GREEN
-        i += di
-        j += dj
+        colours[u] = _lit(sums[u], (light[0] + extra, light[1] + extra, light[2] + extra * blue_share), haze)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pytest_drive_robust.jit.arrays import Packed
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.canvas import Triple
+from pytest_drive_robust.simulators.embedded.drawing.packed import pack
 
 Pair = tuple[float, float]
 Place = tuple[float, float, float, float, float]
@@ -21,29 +22,26 @@ WINDOW_HIGH, _WINDOW_WIDE = 0.5, 0.45
 """Height of the first windows above the ground [m], and the share of a bay's width that a window fills."""
 
 _LIT_SHARE_OF_256 = 90
-_0, _HALF, _1, _2, _255 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0, 255.0))
+_0, _HALF, _1, _2 = (np.float32(number) for number in (0.0, 0.5, 1.0, 2.0))
 
 
 @inner
-def _pack(red: float, green: float, blue: float, haze: Triple, left: float) -> int:
-    """Return a lit colour 0x00BBGGRR behind air that lets the share `left` through."""
+def _behind_air(red: float, green: float, blue: float, haze: Triple, through: Pair, u: int) -> int:
+    """Return the lit colour of pixel `u` of a run, packed, behind air. `through`: see `plain`."""
+    left = through[0] + np.float32(u) * through[1]
     lost = _1 - left
-    r, g, b = (
+    return pack(
         red * left + haze[0] * lost + _HALF,
         green * left + haze[1] * lost + _HALF,
         blue * left + haze[2] * lost + _HALF,
     )
-    r, g, b = r if r < _255 else _255, g if g < _255 else _255, b if b < _255 else _255
-    packed: int = np.int32(r) | (np.int32(g) << 8) | (np.int32(b) << 16)
-    return packed
 
 
 @inner
 def plain(colours: Packed, own: Triple, haze: Triple, through: Pair) -> None:
     """Draw one lit colour. `through`: the share that the air lets through at the first pixel, its change per pixel."""
-    left, change = through
     for u in range(len(colours)):
-        colours[u] = _pack(own[0], own[1], own[2], haze, left + np.float32(u) * change)
+        colours[u] = _behind_air(own[0], own[1], own[2], haze, through, u)
 
 
 @inner
@@ -96,7 +94,7 @@ def stripes(
             own[1] + (other[1] - own[1]) * wave,
             own[2] + (other[2] - own[2]) * wave,
         )
-        colours[u] = _pack(red, green, blue, haze, through[0] + np.float32(u) * through[1])
+        colours[u] = _behind_air(red, green, blue, haze, through, u)
 
 
 @inner
@@ -115,7 +113,7 @@ def ribs(
     for u in range(len(colours)):
         along, _ = _spot(u, nearness[u], place)
         dark = _1 - depth * _wave(along * per_m, share, steep)
-        colours[u] = _pack(own[0] * dark, own[1] * dark, own[2] * dark, haze, through[0] + np.float32(u) * through[1])
+        colours[u] = _behind_air(own[0] * dark, own[1] * dark, own[2] * dark, haze, through, u)
 
 
 @inner
@@ -153,4 +151,4 @@ def facade(
             own[1] + (green - own[1]) * wave,
             own[2] + (blue - own[2]) * wave,
         )
-        colours[u] = _pack(red, green, blue, haze, through[0] + np.float32(u) * through[1])
+        colours[u] = _behind_air(red, green, blue, haze, through, u)

@@ -245,22 +245,3 @@ def _lit_window(entry: Floats, air: Air) -> Triple:
         np.float32(0.75 * shining[1] + 0.25 * dark[1]),
         np.float32(0.75 * shining[2] + 0.25 * dark[2]),
     )
-
-
-@inner
-def pack_pixels(words: Packed, colours: Packed) -> None:
-    """Pack colours 0x00BBGGRR (height, width) as bytes red, green, blue, without gaps, in `words` (little-endian)."""
-    flat = colours.reshape(-1)
-    whole = len(flat) // 4
-    for block in range(whole):
-        a, b, c, d = flat[4 * block], flat[4 * block + 1], flat[4 * block + 2], flat[4 * block + 3]
-        words[3 * block] = a | (b << np.uint32(24))
-        words[3 * block + 1] = (b >> np.uint32(8)) | (c << np.uint32(16))
-        words[3 * block + 2] = (c >> np.uint32(16)) | (d << np.uint32(8))
-    for at in range(4 * whole, len(flat)):
-        # the remaining pixels do not fill whole words: write byte by byte
-        for channel in range(3):
-            byte = 3 * at + channel
-            shift = np.uint32(8 * (byte % 4))
-            value = (flat[at] >> np.uint32(8 * channel)) & np.uint32(255)
-            words[byte // 4] = (words[byte // 4] & ~(np.uint32(255) << shift)) | (value << shift)

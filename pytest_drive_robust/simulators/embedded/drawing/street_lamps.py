@@ -14,6 +14,7 @@ from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.jit.kernels import inner
 from pytest_drive_robust.simulators.embedded.drawing.boxes import Box
 from pytest_drive_robust.simulators.embedded.drawing.canvas import CameraView, Canvas
+from pytest_drive_robust.simulators.embedded.drawing.packed import pack
 from pytest_drive_robust.simulators.embedded.drawing.shadows import row_of
 
 _EVERY_M = 30.0
@@ -31,7 +32,7 @@ _BRIGHTEST = 150.0
 _FARTHEST_M = 70.0
 _FLATTEST = -0.01
 """Slope of a row of pixels above which the row shows no ground."""
-_0, _1, _255 = np.float32(0.0), np.float32(1.0), np.float32(255.0)
+_0, _1 = np.float32(0.0), np.float32(1.0)
 _FADE, _DARKER = np.float32(1.0 / (_POOL_M * _POOL_M)), np.float32(1.0 / (3.0 * _BRIGHTEST))
 _GREEN, _BLUE = np.float32(0.92), np.float32(0.7)
 """The light is warm: green and blue gain less than red."""
@@ -162,6 +163,4 @@ def _lighten(
         dark = dark if dark > _0 else _0
         more = gain * near * near * dark
         more = more if faces[u] == 0 else _0
-        red, green, blue = red + red * more, green + green * more * _GREEN, blue + blue * more * _BLUE
-        red, green, blue = (red if red < _255 else _255, green if green < _255 else _255, blue if blue < _255 else _255)
-        colours[u] = np.int32(red) | (np.int32(green) << 8) | (np.int32(blue) << 16)
+        colours[u] = pack(red + red * more, green + green * more * _GREEN, blue + blue * more * _BLUE)

@@ -8,7 +8,6 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pytest_drive_robust.domain.truth import LaneMap
 from pytest_drive_robust.jit.arrays import Bytes2, Floats, Floats1, Floats2, Packed, Packed2
@@ -115,11 +114,6 @@ def pack_sheet(sheet: GroundSheet) -> Packed:
     row = round(sheet.region.y_m / sheet.region.texel_m)
     packed: Packed = _pack(sheet.material, sheet.white, sheet.yellow, column, row, _MATERIALS, _GRAIN, _WHITE, _YELLOW)
     return packed
-
-
-def unpack(packed: Packed) -> NDArray[np.uint8]:
-    """Return packed colours (rows, columns) as RGB (rows, columns, 3)."""
-    return np.ascontiguousarray(packed.astype("<u4")).view(np.uint8).reshape(*packed.shape, 4)[:, :, :3]
 
 
 @entry

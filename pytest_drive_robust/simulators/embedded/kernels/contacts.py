@@ -7,12 +7,16 @@ import math
 from pytest_drive_robust.arithmetic.compiled import cos_sin, hypot
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.jit.kernels import entry, inner
+from pytest_drive_robust.simulators.criteria import STANDING_MPS
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
 STUN_TICKS = 40
-SAME_ACTOR_S = 5.0
-SAME_PLACE_M = 5.0
+"""Ticks for which an actor stands after a contact."""
+SAME_ACTOR_S, SAME_PLACE_M = 5.0, 5.0
+"""A contact within this time with the same actor, or this near to the last collision, is none (`CollisionTest`)."""
+_LYING_M, _KEPT_SPEED = 0.3, 0.8
+"""Height of what the ego has knocked over, and the share of its speed that the ego keeps."""
 _PEDESTRIAN = int(ActorKind.PEDESTRIAN)
 _CONE = int(ActorKind.CONE)
 _SIGN = int(ActorKind.WARNING_SIGN)
@@ -45,34 +49,37 @@ def overlap(
 
 @inner
 def _was_hit_here(world: WorldArrays) -> bool:
-    """Return whether the ego is within 5 m of its last collision, where a contact counts as that collision."""
+    """Return whether the ego is near its last collision, where a contact counts as that collision."""
     ego, criteria = world.ego, world.criteria
     return hypot(ego[c.EGO_X] - criteria[c.C_LAST_HIT_X], ego[c.EGO_Y] - criteria[c.C_LAST_HIT_Y]) < SAME_PLACE_M
 
 
 @inner
 def _touch(world: WorldArrays, nx: float, ny: float, depth: float, i: int) -> None:
-    """Record a contact, once per actor and 5 s, once per 5 m of road, never for a standing ego; push the ego out."""
+    """Record a contact of depth [m] with actor i (-1: a building) if it is a new one and the ego drives; push it out.
+
+    (nx, ny) is the direction that leads the ego out.
+    """
     ego, criteria = world.ego, world.criteria
     v = ego[c.EGO_V]
-    again = i >= 0 and (world.clock[0] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
-    if not _was_hit_here(world) and not again and v >= c.STANDING_MPS:
+    again = i >= 0 and (world.clock[c.TICK] - world.actor_ints[i, c.I_LAST_HIT]) * world.dt_s < SAME_ACTOR_S
+    if not _was_hit_here(world) and not again and v >= STANDING_MPS:
         note(world, c.EVENT_COLLISION, float(i), v)
         criteria[c.C_LAST_HIT_X], criteria[c.C_LAST_HIT_Y] = ego[c.EGO_X], ego[c.EGO_Y]
         if i >= 0:
-            world.actor_ints[i, c.I_LAST_HIT] = world.clock[0]
+            world.actor_ints[i, c.I_LAST_HIT] = world.clock[c.TICK]
     if i >= 0:
         kind = world.actor_ints[i, c.I_KIND]
         # an actor that does not see all scrapes past a standing ego, because stopping would block both for ever
-        if v >= c.STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
+        if v >= STANDING_MPS or world.actor_ints[i, c.I_SEES] == c.SEES_ALL:
             world.actor_ints[i, c.I_STUN] = STUN_TICKS
             _wake_flow(world, world.actor_ints[i, c.I_FLOW])
         if kind in (_PEDESTRIAN, _CONE, _SIGN):
             world.actor_ints[i, c.I_SOLID] = 0
             world.actor_ints[i, c.I_MODE] = c.MODE_STATIC
-            world.actors[i, c.A_HEIGHT] = 0.3
+            world.actors[i, c.A_HEIGHT] = _LYING_M
             world.actors[i, c.A_V] = 0.0
-            ego[c.EGO_V] *= 0.8
+            ego[c.EGO_V] *= _KEPT_SPEED
             return
     ego[c.EGO_X] += nx * depth
     ego[c.EGO_Y] += ny * depth
@@ -126,7 +133,7 @@ def hold_back(world: WorldArrays, before_mps: float) -> None:
     so that a new contact counts as a collision.
     """
     ego = world.ego
-    if before_mps >= c.STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
+    if before_mps >= STANDING_MPS or ego[c.EGO_V] == 0.0 or not _was_hit_here(world):
         return
     along, beside = cos_sin(ego[c.EGO_YAW])
     ahead_m = ego[c.EGO_V] * world.dt_s
@@ -163,6 +170,6 @@ def note(world: WorldArrays, kind: int, actor: float, value: float) -> None:
     count = world.criteria_ints[c.CI_EVENTS]
     if count < len(world.events):
         row = world.events[count]
-        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, world.clock[0], actor, value
+        row[c.EV_KIND], row[c.EV_TICK], row[c.EV_ACTOR], row[c.EV_VALUE] = kind, world.clock[c.TICK], actor, value
         row[c.EV_X], row[c.EV_Y] = world.ego[c.EGO_X], world.ego[c.EGO_Y]
         world.criteria_ints[c.CI_EVENTS] = count + 1

@@ -13,13 +13,14 @@ from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose
 from pytest_drive_robust.simulators.embedded.kernels.scenario import run_script
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 
-IDM_GAP_M = 2.0
-IDM_HEADWAY_S = 1.1
-IDM_COMFORT_MPS2 = 2.5
+IDM_GAP_M, IDM_HEADWAY_S, IDM_COMFORT_MPS2 = 2.0, 1.1, 2.5
+"""Gap at rest, time gap and comfortable braking of all drivers; our own numbers."""
 LOOK_AHEAD_M = 70.0
-# distances from the ego where the leash of the traffic begins to act, and acts fully
+"""Greatest distance of a body that a driver brakes for."""
 LEASH_FREE_M, LEASH_END_M = 30.0, 45.0
+"""Distances from the ego where the leash of the traffic begins to act, and acts fully."""
 SIDEWAYS_SHARE = 0.5
+"""Greatest speed sideways, as a share of the speed forward."""
 NOTICED_LATE_M, NOTICED_SHARE = 1.0, 0.95
 """A driver with `SEES_LATE` brakes only for bodies whose middle is so near to his path, and that are slower than this
 share of his target speed."""
@@ -33,7 +34,12 @@ _SIREN = int(ActorState.SIREN)
 
 @inner
 def idm(v: float, target: float, gap: float, leader_v: float, accel_max: float, brake_max: float) -> float:
-    """Return the acceleration of the intelligent driver model [m/s2], within the actor's limits."""
+    """Return the acceleration of the intelligent driver model [m/s2], within the actor's limits.
+
+    Source: Treiber, Hennecke and Helbing, "Congested traffic states in empirical observations and microscopic
+    simulations", Physical Review E 62, 2000. The original adds up the free and the interaction term; here the lesser of
+    the two accelerations counts. Above its target speed a car brakes comfortably.
+    """
     if target < 0.05:
         free = -brake_max if v > 0.0 else 0.0
     elif v > target:
@@ -111,13 +117,13 @@ def _acceleration(world: WorldArrays, i: int) -> float:
         notices_m = notices_mps = math.inf
         if whole[c.I_SEES] == c.SEES_LATE:
             notices_m, notices_mps = NOTICED_LATE_M, NOTICED_SHARE * actor[c.A_TARGET_V]
-        path, s, length = whole[c.I_PATH], actor[c.A_S], actor[c.A_LENGTH]
+        path, s, length = whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_LENGTH]
         gap, leader_v = _leader(
-            world.survey[path], i, s, actor[c.A_LAT], length, actor[c.A_WIDTH], notices_m, notices_mps
+            world.survey[path], i, s, actor[c.A_RIGHT_M], length, actor[c.A_WIDTH], notices_m, notices_mps
         )
         line = world.path_stop_line[path]
         if line >= 0 and whole[c.I_OBEYS_LIGHTS] == 1 and world.lights[line] in (_RED, _YELLOW):
-            ahead = world.path_stop_s[path] - s - 0.5 * length
+            ahead = world.path_stop_m[path] - s - 0.5 * length
             if -0.5 < ahead < gap:
                 gap, leader_v = max(ahead + IDM_GAP_M, 0.1), 0.0
     wanted = _wanted_speed(actor, whole, world.ego)
@@ -143,17 +149,16 @@ def _move(world: WorldArrays, i: int) -> None:
         accel = _acceleration(world, i)
         actor[c.A_V] = max(0.0, actor[c.A_V] + accel * dt)
     actor[c.A_ACCEL] = accel
-    actor[c.A_S] += actor[c.A_V] * dt
-    # a car moves sideways only as fast as it drives forward
-    most = min(actor[c.A_LAT_RATE], SIDEWAYS_SHARE * actor[c.A_V]) * dt
-    shift = min(max(actor[c.A_TARGET_LAT] - actor[c.A_LAT], -most), most)
-    actor[c.A_LAT] += shift
-    if actor[c.A_S] >= actor[c.A_END_S]:
-        actor[c.A_S], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_S], 0.0, 0.0
+    actor[c.A_ALONG_M] += actor[c.A_V] * dt
+    most = min(actor[c.A_LATERAL_MPS], SIDEWAYS_SHARE * actor[c.A_V]) * dt
+    shift = min(max(actor[c.A_TARGET_RIGHT_M] - actor[c.A_RIGHT_M], -most), most)
+    actor[c.A_RIGHT_M] += shift
+    if actor[c.A_ALONG_M] >= actor[c.A_END_M]:
+        actor[c.A_ALONG_M], actor[c.A_V], actor[c.A_TARGET_V] = actor[c.A_END_M], 0.0, 0.0
         if whole[c.I_AT_END] == c.AT_END_LEAVE:
             whole[c.I_ACTIVE] = c.ABSENT
     _show(actor, whole, accel, shift)
-    x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
+    x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_RIGHT_M])
     if shift != 0.0 and not walks:
         # a body that shifts sideways also turns its heading that way
         yaw += atan2(shift / dt, max(actor[c.A_V], 1.0))

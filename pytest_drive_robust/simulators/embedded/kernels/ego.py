@@ -17,7 +17,7 @@ def _on_dirt(world: WorldArrays, throttle: float, steer: float) -> tuple[float, 
     for k in range(len(world.patches)):
         dx, dy = world.patches[k, 0] - world.ego[c.EGO_X], world.patches[k, 1] - world.ego[c.EGO_Y]
         if dx * dx + dy * dy < DIRT_M * DIRT_M:
-            noise = world.patch_noise[k, world.clock[0] % world.patch_noise.shape[1]]
+            noise = world.patch_noise[k, world.clock[c.TICK] % world.patch_noise.shape[1]]
             throttle = min(max(throttle + noise[0], 0.0), 1.0)
             steer = min(max(steer + noise[1], -1.0), 1.0)
             break

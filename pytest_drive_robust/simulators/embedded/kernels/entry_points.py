@@ -11,10 +11,10 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.jit.arrays import Floats2
 from pytest_drive_robust.jit.kernels import entry
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import judge
 from pytest_drive_robust.simulators.embedded.kernels.contacts import contacts, hold_back
 from pytest_drive_robust.simulators.embedded.kernels.drivers import move_actors
 from pytest_drive_robust.simulators.embedded.kernels.ego import move_ego
+from pytest_drive_robust.simulators.embedded.kernels.judge import close, judge
 from pytest_drive_robust.simulators.embedded.kernels.mkz import mkz_turn
 from pytest_drive_robust.simulators.embedded.kernels.paths import path_pose, survey
 from pytest_drive_robust.simulators.embedded.kernels.scenario import fill_flows, run_flows, set_lights
@@ -35,7 +35,7 @@ def pack_world(statics: Statics, state: State) -> WorldArrays:
 @entry
 def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> None:
     """Advance by one tick: time, lights, traffic, ego, contacts, criteria."""
-    world.clock[0] += 1
+    world.clock[c.TICK] += 1
     set_lights(world)
     run_flows(world)
     survey(world)
@@ -46,6 +46,12 @@ def tick(world: WorldArrays, throttle: float, steer: float, brake: float) -> Non
     contacts(world)
     world.ego[c.EGO_FORWARD] = (world.ego[c.EGO_V] - before_mps) / world.dt_s
     judge(world)
+
+
+@entry
+def finish(world: WorldArrays) -> None:
+    """Judge the criteria that are known only at the end of the episode."""
+    close(world)
 
 
 @entry
@@ -63,7 +69,7 @@ def settle(world: WorldArrays) -> None:
     for i in range(len(world.actors)):
         whole, actor = world.actor_ints[i], world.actors[i]
         if whole[c.I_PATH] >= 0:
-            x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_S], actor[c.A_LAT])
+            x, y, yaw = path_pose(world, whole[c.I_PATH], actor[c.A_ALONG_M], actor[c.A_RIGHT_M])
             actor[c.A_X], actor[c.A_Y], actor[c.A_YAW] = x, y, yaw + actor[c.A_TURNED]
     fill_flows(world)
 

@@ -67,7 +67,7 @@ def survey(world: WorldArrays) -> None:
             if ints[i, c.I_ACTIVE] != c.PRESENT or ints[i, c.I_SOLID] == 0:
                 row[c.S_ALONG] = -1.0
             elif ints[i, c.I_PATH] == path and ints[i, c.I_MODE] == c.MODE_DRIVE:
-                row[c.S_ALONG], row[c.S_RIGHT] = actor[c.A_S], actor[c.A_LAT]
+                row[c.S_ALONG], row[c.S_RIGHT] = actor[c.A_ALONG_M], actor[c.A_RIGHT_M]
                 row[c.S_LENGTH], row[c.S_WIDTH], row[c.S_SPEED] = actor[c.A_LENGTH], actor[c.A_WIDTH], actor[c.A_V]
             else:
                 row[c.S_ALONG], row[c.S_RIGHT], yaw = _project(paths, first, last, step, actor[c.A_X], actor[c.A_Y])

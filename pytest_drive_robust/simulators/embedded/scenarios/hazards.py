@@ -12,7 +12,7 @@ from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.jit.arrays import Floats
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths
 from pytest_drive_robust.simulators.embedded.scenarios import parts
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
@@ -68,8 +68,8 @@ def vehicle_opens_door_two_ways(stage: Stage) -> None:
     """A parked car opens its door when the ego is 3 s or 10 m away; cars come the other way."""
     at = parts.ahead(stage, 48.0, at_least_m=25.0)
     left_side = stage.lane_width_m / 2.0 - _PARKED_IN_LANE_M
-    stage.stand(ActorKind.CAR, at, left_side + SIZES_M[ActorKind.CAR][1] / 2.0)
-    hinge_m = left_side - SIZES_M[ActorKind.DOOR][1] / 2.0
+    stage.stand(ActorKind.CAR, at, left_side + SIZES[ActorKind.CAR].width_m / 2.0)
+    hinge_m = left_side - SIZES[ActorKind.DOOR].width_m / 2.0
     door = stage.stand(ActorKind.DOOR, at + 0.3, hinge_m, appears=True)
     stage.cast.script(door, Arrival(3.0, 10.0), Script(0.0, right_m=hinge_m), at=stage.spot(at + 0.3))
     parts.oncoming_gaps(stage)

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pytest_drive_robust.domain.truth import ActorKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.actors import SIZES_M, ActorSpec, Arrival, Passing, Script
+from pytest_drive_robust.simulators.embedded.actors import SIZES, ActorSpec, Arrival, Passing, Script
 from pytest_drive_robust.simulators.embedded.scenarios.parts import right_hand, rolling_start, scenery
 from pytest_drive_robust.simulators.embedded.scenarios.scenario_type import scenario
 from pytest_drive_robust.simulators.embedded.stage import Stage
@@ -54,7 +54,7 @@ def blocked_intersection(stage: Stage) -> None:
 
     Who waits for it before the junction counts as near, too.
     """
-    at = stage.exit_ahead_m() + 5.0 + SIZES_M[ActorKind.VAN][0] / 2.0
+    at = stage.exit_ahead_m() + 5.0 + SIZES[ActorKind.VAN].length_m / 2.0
     entry = stage.spot(stage.junction_ahead_m() - 9.0)
     cruise = 0.8 * stage.speed_limit_mps
     leaves_m = stage.length_m(stage.ego_path)

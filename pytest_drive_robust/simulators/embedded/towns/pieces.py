@@ -13,7 +13,7 @@ from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.jit.arrays import Floats
-from pytest_drive_robust.simulators.embedded.geometry import Pose
+from pytest_drive_robust.simulators.embedded.geometry import Pose, moved
 from pytest_drive_robust.simulators.embedded.towns.town import DrawnLane, Section, Town
 
 Piece = tuple[float, float]
@@ -30,7 +30,7 @@ def advance(pose: Pose, length: float, curvature: float) -> Pose:
     """Return the pose after `length` metres on a line or an arc (curvature positive to the right)."""
     x, y, heading = pose
     if curvature == 0.0:
-        return x + length * scalars.cos(heading), y + length * scalars.sin(heading), heading
+        return moved(pose, length)
     turned = heading + length * curvature
     return (
         x + (scalars.sin(turned) - scalars.sin(heading)) / curvature,

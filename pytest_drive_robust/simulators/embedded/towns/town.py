@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from pytest_drive_robust.arithmetic import scalars
 from pytest_drive_robust.arithmetic.random_numbers import RandomNumbers, Range
 from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.jit.arrays import Floats
-from pytest_drive_robust.simulators.embedded.geometry import Pose
+from pytest_drive_robust.simulators.embedded.geometry import Pose, moved
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,12 +63,7 @@ class Arm:
 
     def edge(self) -> Pose:
         """Return where the road meets the box, heading away."""
-        x, y = self.centre
-        return (
-            x + self.box_m * scalars.cos(self.heading_rad),
-            y + self.box_m * scalars.sin(self.heading_rad),
-            self.heading_rad,
-        )
+        return moved((*self.centre, self.heading_rad), self.box_m)
 
     def inward(self, lane: str) -> str:
         """Return the chain of lane `"0"`, `"1"`, `"bike"`, ... that comes in."""

@@ -13,7 +13,7 @@ import numpy as np
 from pytest_drive_robust.arithmetic import arrays, scalars
 from pytest_drive_robust.arithmetic.signals import mean, moving_sum
 from pytest_drive_robust.jit.arrays import Floats
-from pytest_drive_robust.simulators.embedded.geometry import Pose, arc_lengths, moved, resample
+from pytest_drive_robust.simulators.embedded.geometry import Pose, arc_lengths, moved, resample, seen_from
 
 _SIGMA_M = 4.0
 _REACH_M = 12
@@ -82,13 +82,6 @@ def reversed_line(line: Floats) -> Floats:
     return np.asarray(line[::-1] + np.array([0.0, 0.0, math.pi]))
 
 
-def local(pose: Pose, point: Floats | tuple[float, ...]) -> tuple[float, float]:
-    """Return (metres ahead, metres to the right) of a point as seen from a pose."""
-    dx, dy = float(point[0]) - pose[0], float(point[1]) - pose[1]
-    cos, sin = scalars.cos(pose[2]), scalars.sin(pose[2])
-    return dx * cos + dy * sin, dy * cos - dx * sin
-
-
 def bridge(start: Pose, end: Pose) -> Floats:
     """Return a smooth line from one pose to another: nearly an arc where one fits."""
     a, b = np.array(start[:2]), np.array(end[:2])
@@ -112,7 +105,7 @@ def bridge(start: Pose, end: Pose) -> Floats:
 
 def crossing_point(start: Pose, end: Pose) -> tuple[float, float] | None:
     """Return (metres ahead of `start`, metres before `end`) of the corner of their straight ways, None if parallel."""
-    ahead, right = local(start, end)
+    ahead, right = seen_from(start, end)
     turn = end[2] - start[2]
     if abs(scalars.sin(turn)) < 0.05:
         return None

@@ -12,10 +12,10 @@ from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.route import ScenarioSpec
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.jit.arrays import Floats
-from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, moved, place, project
+from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, moved, place, project, seen_from
 from pytest_drive_robust.simulators.embedded.towns.town import Section, Town
 from pytest_drive_robust.simulators.embedded.traced.course import RouteCourse
-from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, local, prolonged, shifted
+from pytest_drive_robust.simulators.embedded.traced.lines import bridge, joined, prolonged, shifted
 from pytest_drive_robust.simulators.embedded.traced.open_roads import LANE_M, trace_road
 from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 from pytest_drive_robust.simulators.embedded.weave import change_length_m
@@ -68,7 +68,7 @@ def draw_entry(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec
     gap = course.gap_m
     main = _flow_road(after, spec)
     joint = project(main, *after[0, :2])[0]
-    side = 1.0 if local(tuple(after[0]), before[-1])[1] > 0.0 else -1.0
+    side = 1.0 if seen_from(tuple(after[0]), before[-1])[1] > 0.0 else -1.0
     parallel = min(max(0.6 * gap, _PARALLEL_M[0]), _PARALLEL_M[1], 0.85 * gap)
     limit = roads.speed_mps if gap >= _SLOW_GAP_M else _SLOW_MPS
     begins = joint - parallel
@@ -116,12 +116,12 @@ def _road_on(before: Floats, after: Floats, spec: ScenarioSpec, gap_m: float) ->
     """Return the ego's lane from before the route to far behind the exit: an arc beside the flow's end, or straight."""
     start, flow_end = tuple(before[-1]), _point(spec, "end_actor_flow")
     curvature = 0.0
-    ahead, right = local(start, flow_end)
-    beyond, beside = local(tuple(after[0]), flow_end)
+    ahead, right = seen_from(start, flow_end)
+    beyond, beside = seen_from(tuple(after[0]), flow_end)
     on_ramp = scalars.hypot(beyond, beside) < 1.5 * LANE_M or abs(beside) < LANE_M / 2.0
     if not on_ramp and ahead > 20.0:
         # the flow's lane is the next lane on the side of the exit
-        right += LANE_M * (1.0 if right > local(start, after[0])[1] else -1.0)
+        right += LANE_M * (1.0 if right > seen_from(start, after[0])[1] else -1.0)
         curvature = 2.0 * right / (ahead * ahead + right * right)
         curvature = 0.0 if abs(right) < LANE_M / 2.0 else float(np.clip(curvature, -_SHARPEST, _SHARPEST))
     steps = np.arange(1.0, gap_m + 30.0)
@@ -137,7 +137,7 @@ def _flow_road(after: Floats, spec: ScenarioSpec) -> Floats:
     back = moved(joint, -_BACK_TO_FLOW_M)
     straight_on = prolonged(after, before_m=_BACK_TO_FLOW_M, after_m=_BEYOND_M)
     flow = _point(spec, "start_actor_flow")
-    ahead, right = local(back, flow)
+    ahead, right = seen_from(back, flow)
     if ahead > -30.0 or abs(right) > -0.8 * ahead or abs(right) < 1.5 * LANE_M:
         return prolonged(straight_on, before_m=_BEHIND_M)
     chord = scalars.atan2(-right, -ahead)

@@ -7,12 +7,8 @@ constructors in `scenario_runner/srunner/scenarios`.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import Enum
-
-from pytest_drive_robust.domain.route import ScenarioSpec
-from pytest_drive_robust.errors import nearest
 
 _TRACED_TOWN = re.compile(r"(?:\S*/)?Town\d{1,6}(?:HD)?(?:_Opt)?")
 _CARLA_TOWN = re.compile(r"(?:\S*/)?Town(?:0[1-9]|1[0-5])(?:HD)?(?:_Opt)?")
@@ -70,7 +66,7 @@ class TypeSchema:
     optional_locations: tuple[str, ...] = ()
 
 
-_RANGES: dict[str, tuple[float, float]] = {
+RANGES: dict[str, tuple[float, float]] = {
     "distance": (0.0, 500.0),
     "speed": (0.0, 200.0),
     "flow_speed": (0.1, 50.0),
@@ -92,10 +88,10 @@ _FLOW_TYPES = (
     "SignalizedJunctionLeftTurnEnterFlow", "SignalizedJunctionRightTurn",
 )  # fmt: skip
 _OBSTACLES = ("Accident", "ConstructionObstacle", "HazardAtSideLane", "ParkedObstacle")
-_OBSTACLES_TWO_WAYS = tuple(f"{name}TwoWays" for name in _OBSTACLES)
+OBSTACLES_TWO_WAYS = tuple(f"{name}TwoWays" for name in _OBSTACLES)
 READERS: dict[str, tuple[str, ...]] = {
     "distance": (
-        *_OBSTACLES, *_OBSTACLES_TWO_WAYS, "DynamicObjectCrossing", "HighwayCutIn", "InvadingTurn",
+        *_OBSTACLES, *OBSTACLES_TWO_WAYS, "DynamicObjectCrossing", "HighwayCutIn", "InvadingTurn",
         "ParkingCrossingPedestrian", "ParkingCutIn", "StaticCutIn", "VehicleOpensDoorTwoWays",
         "YieldToEmergencyVehicle",
     ),
@@ -108,15 +104,15 @@ READERS: dict[str, tuple[str, ...]] = {
     "behind_vehicle_distance": ("ParkingExit",),
     "bicycle_drive_distance": ("HazardAtSideLane", "HazardAtSideLaneTwoWays"),
     "bicycle_speed": ("HazardAtSideLane", "HazardAtSideLaneTwoWays"),
-    "frequency": (*_OBSTACLES_TWO_WAYS, "VehicleOpensDoorTwoWays"),
+    "frequency": (*OBSTACLES_TWO_WAYS, "VehicleOpensDoorTwoWays"),
     "source_dist_interval": _FLOW_TYPES,
 }  # fmt: skip
 """The scenario types of the embedded world that read an element of numbers."""
-_INTERVALS = ("frequency", "source_dist_interval")
+INTERVALS = ("frequency", "source_dist_interval")
 """Elements with `from` and `to`, or one `value`."""
 
 _SIDES = ("left", "right")
-_BEARINGS = ("left", "right", "opposite")
+BEARINGS = ("left", "right", "opposite")
 _FLOW = ("start_actor_flow", "end_actor_flow")
 _CITY_SPEED_MPS, _COUNTRY_SPEED_MPS = 11.0, 20.0
 _NARROW = TypeSchema(Roads(Place.STREET))
@@ -154,8 +150,8 @@ SCHEMA: dict[str, TypeSchema] = {
     "NonSignalizedJunctionLeftTurn": _OPEN,
     "NonSignalizedJunctionLeftTurnEnterFlow": _OPEN,
     "NonSignalizedJunctionRightTurn": _OPEN,
-    "OppositeVehicleRunningRedLight": replace(_LIGHTS, directions=_BEARINGS),
-    "OppositeVehicleTakingPriority": replace(_OPEN, directions=_BEARINGS),
+    "OppositeVehicleRunningRedLight": replace(_LIGHTS, directions=BEARINGS),
+    "OppositeVehicleTakingPriority": replace(_OPEN, directions=BEARINGS),
     "ParkedObstacle": _LANE_BESIDE,
     "ParkedObstacleTwoWays": _NARROW,
     "ParkingCrossingPedestrian": _KERB,
@@ -185,84 +181,4 @@ _PLACES = frozenset(name for schema in SCHEMA.values() for name in (*schema.loca
 
 def is_numeric(element: str) -> bool:
     """Return whether the attributes of a parameter element of this name are numbers."""
-    return element in _RANGES or element in _PLACES
-
-
-def nearest_hint(given: str, known: Iterable[str]) -> str:
-    """Return the hint `", did you mean 'speed'?"` for use within a sentence; an empty text when no name is close."""
-    close = nearest(given, known)
-    return "" if close is None else f", did you mean {close!r}?"
-
-
-def problems_of(spec: ScenarioSpec, *, strict: bool = False, placed: bool = True) -> list[str]:
-    """Return the mistakes in a scenario of a route file, one text each; empty for a correct scenario.
-
-    `strict` refuses elements that the scenario does not read. `placed` requires the places of the scenario type.
-    """
-    schema = SCHEMA.get(spec.type)
-    if schema is None:
-        hint = nearest_hint(spec.type, sorted(SCHEMA))
-        return [f"unknown scenario type {spec.type!r}{hint} (44 are known: `drive-robust routes list full`)"]
-    found: list[str] = []
-    for name in _RANGES:
-        found += _bad_numbers(spec, name, ("from", "to", "value") if name in _INTERVALS else ("value",))
-    for name in (*schema.locations, *schema.optional_locations):
-        found += _bad_location(spec, name, needed=placed and name in schema.locations)
-    if strict:
-        found += _without_effect(spec, schema)
-    direction = spec.texts.get("direction")
-    if "direction" in spec.parameters or (
-        direction is not None and schema.directions and direction not in schema.directions
-    ):
-        given = direction if direction is not None else spec.parameters["direction"]
-        found.append(f"<direction> is {given!r}, expected {' or '.join(schema.directions or _BEARINGS)}")
-    return found
-
-
-def _without_effect(spec: ScenarioSpec, schema: TypeSchema) -> list[str]:
-    """Return one text for each name of an element or attribute that would have no effect."""
-    attributes: dict[str, tuple[str, ...]] = {
-        name: ("from", "to", "value") if name in _INTERVALS else ("value",)
-        for name, types in READERS.items()
-        if spec.type in types
-    }
-    if schema.directions or spec.type in _OBSTACLES_TWO_WAYS:
-        attributes["direction"] = ("value",)
-    attributes |= dict.fromkeys((*schema.locations, *schema.optional_locations), ("x", "y", "z"))
-    found = []
-    for element in (*spec.parameters, *spec.texts):
-        if element not in attributes:
-            hint = nearest_hint(element, attributes)
-            found.append(
-                f"<{element}> is no element of {spec.type}{hint} (known: {', '.join(sorted(attributes)) or 'none'})"
-            )
-            continue
-        found += [
-            f"<{element}> has an attribute {other!r}, expected {', '.join(attributes[element])}"
-            for other in sorted({*spec.parameters.get(element, ())}.difference(attributes[element]))
-        ]
-    return found
-
-
-def _bad_numbers(spec: ScenarioSpec, name: str, attributes: tuple[str, ...]) -> list[str]:
-    if name in spec.texts:
-        return [f"<{name}> has value={spec.texts[name]!r}, expected a finite number"]
-    if name not in spec.parameters:
-        return []
-    given, (low, high) = spec.parameters[name], _RANGES[name]
-    if not any(attribute in given for attribute in attributes):
-        return [f"<{name}> has no {' or '.join(attributes)}"]
-    return [
-        f"<{name}> has {attribute}={given[attribute]:g}, expected {low:g} to {high:g}"
-        for attribute in attributes
-        if attribute in given and not low <= given[attribute] <= high
-    ]
-
-
-def _bad_location(spec: ScenarioSpec, name: str, *, needed: bool) -> list[str]:
-    given = spec.parameters.get(name)
-    if given is None and name not in spec.texts:
-        return [f"scenario {spec.type} needs <{name} x= y= z=>, which is missing"] if needed else []
-    if given is None or "x" not in given or "y" not in given:
-        return [f"<{name}> has no finite x and y"]
-    return []
+    return element in RANGES or element in _PLACES

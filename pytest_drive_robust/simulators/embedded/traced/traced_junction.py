@@ -128,8 +128,7 @@ def _arm(name: str, line: Floats, centre: tuple[float, float], section: Section)
     """Make an arm whose centre lies straight behind its edge."""
     x, y, heading = (float(value) for value in line[0])
     box = scalars.hypot(x - centre[0], y - centre[1])
-    behind = x - box * scalars.cos(heading), y - box * scalars.sin(heading)
-    return Arm(name, heading, box, section, behind), line
+    return Arm(name, heading, box, section, moved((x, y, heading), -box)[:2]), line
 
 
 def _connect(town: Town, arms: list[Arm], roads: Roads) -> Floats:

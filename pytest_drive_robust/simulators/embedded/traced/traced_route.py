@@ -18,7 +18,8 @@ from pytest_drive_robust.simulators.embedded.towns.town import Town
 from pytest_drive_robust.simulators.embedded.traced.course import read_course
 from pytest_drive_robust.simulators.embedded.traced.open_roads import draw_street
 from pytest_drive_robust.simulators.embedded.traced.ramps import draw_cut_in, draw_entry, draw_exit
-from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place, problems_of
+from pytest_drive_robust.simulators.embedded.traced.scenario_problems import problems_of
+from pytest_drive_robust.simulators.embedded.traced.schema import SCHEMA, Place
 from pytest_drive_robust.simulators.embedded.traced.traced_junction import draw_junction
 
 TRIGGER_OFF_M = 25.0

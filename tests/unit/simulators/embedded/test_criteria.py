@@ -19,8 +19,8 @@ from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.base import EpisodeScore
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.criteria import nearest_lane
 from pytest_drive_robust.simulators.embedded.geometry import place
+from pytest_drive_robust.simulators.embedded.kernels.lane_keeping import nearest_lane
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
 from pytest_drive_robust.simulators.embedded.routes import named_routes
 from pytest_drive_robust.simulators.embedded.world import World

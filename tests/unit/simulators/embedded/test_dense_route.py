@@ -14,7 +14,7 @@ from pytest_drive_robust.domain.truth import LaneKind
 from pytest_drive_robust.errors import RouteError
 from pytest_drive_robust.simulators.embedded.dense_route import DenseRoute, lay_route
 from pytest_drive_robust.simulators.embedded.geometry import arc_lengths, place, project, resample
-from pytest_drive_robust.simulators.embedded.map import compile_town, prolonged
+from pytest_drive_robust.simulators.embedded.map import compile_town, prolonged_chain
 from pytest_drive_robust.simulators.embedded.weave import change_length_m, weave
 
 LEFT, RIGHT = RoadOption.CHANGE_LANE_LEFT, RoadOption.CHANGE_LANE_RIGHT
@@ -114,7 +114,7 @@ def test_the_driven_line_is_the_route_with_road_before_and_after(case: str, numb
     assert np.abs(np.diff(line[:, 2])).max() < 0.1
     lanes = dense.lane_map.lanes
     used = tuple(lane for lane, _ in groupby(dense.lanes.tolist()))
-    chain = prolonged(dense.lane_map, used)
+    chain = prolonged_chain(dense.lane_map, used)
     assert used == tuple(lane for lane in chain if lane in used)
     assert not lanes[chain[-1]].successors
     assert not any(chain[0] in lane.successors for lane in lanes)

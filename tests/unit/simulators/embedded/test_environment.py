@@ -17,13 +17,13 @@ from pytest_drive_robust.errors import SimulationError, UnknownNameError, UsageE
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
 from pytest_drive_robust.simulators.embedded.geometry import place
-from pytest_drive_robust.simulators.embedded.routes import default_set, named_routes
+from pytest_drive_robust.simulators.embedded.routes import DEFAULT_SET, named_routes
 
 CAMERAS = (
     CameraSpec("front", width_px=64, height_px=36),
     CameraSpec("slow", width_px=32, height_px=18, rate_hz=5.0),
 )
-ROUTES = [route.id for route in named_routes(default_set)]
+ROUTES = [route.id for route in named_routes(DEFAULT_SET)]
 
 
 def controls(seed, count):

@@ -61,7 +61,7 @@ def test_a_blind_driver_runs_into_what_an_attentive_one_stops_for(staged) -> Non
         world = staged(STREET, lambda stage, blind=blind: put(stage, blind=blind))
         drive(world, BRAKE, 160)
         standing, driving = world.state.actors
-        gaps[blind] = standing[c.A_S] - driving[c.A_S]
+        gaps[blind] = standing[c.A_ALONG_M] - driving[c.A_ALONG_M]
     assert gaps[True] < 0.0 < 4.6 < gaps[False] < 10.0
 
 
@@ -83,9 +83,7 @@ def test_dirt_is_driven_over_without_a_collision(staged) -> None:
     world = staged(STREET, lambda stage: stage.dirt(10.0))
     drive(world, COAST, 140)
     assert world.state.ego[c.EGO_V] > 3.0
-    assert world.state.criteria_ints[c.CI_EVENTS] == 0 or not np.any(
-        world.state.events[: world.state.criteria_ints[c.CI_EVENTS], c.EV_KIND] == c.EVENT_COLLISION
-    )
+    assert c.EVENT_COLLISION not in world.state.noted()[:, c.EV_KIND]
 
 
 def test_what_appears_is_neither_seen_nor_hit_before_its_trigger(staged) -> None:
@@ -103,8 +101,7 @@ def test_what_appears_is_neither_seen_nor_hit_before_its_trigger(staged) -> None
     away = np.hypot(*(world.now().actors[0, 2:4] - world.state.ego[:2]))
     assert 9.0 < away < 12.5
     drive(world, COAST, 60)
-    hits = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
-    assert np.any(hits[:, c.EV_KIND] == c.EVENT_COLLISION)
+    assert c.EVENT_COLLISION in world.state.noted()[:, c.EV_KIND]
 
 
 def test_the_ego_can_start_beside_the_route_and_rolling(staged) -> None:
@@ -207,8 +204,8 @@ def test_a_light_that_turns_red_is_yellow_first(staged) -> None:
         if np.cos(line.heading_rad - here[2]) > 0.9 and np.hypot(line.x_m - here[0], line.y_m - here[1]) < 8.0
     )
     shown: list[LightState] = []
-    while world.state.clock[1] < 0 or world.state.clock[0] - world.state.clock[1] < 140:
-        world.tick(COAST if world.state.clock[1] < 0 else BRAKE)
+    while world.state.clock[c.STARTED] < 0 or world.state.clock[c.TICK] - world.state.clock[c.STARTED] < 140:
+        world.tick(COAST if world.state.clock[c.STARTED] < 0 else BRAKE)
         state = LightState(int(world.state.lights[mine]))
         if not shown or shown[-1] is not state:
             shown.append(state)

@@ -162,7 +162,7 @@ def test_traffic_does_not_crash_into_each_other_without_an_ego(route: Route) -> 
 
 
 def hits_of(world: World) -> np.ndarray:
-    events = world.state.events[: world.state.criteria_ints[c.CI_EVENTS]]
+    events = world.state.noted()
     return events[events[:, c.EV_KIND] == c.EVENT_COLLISION]
 
 
@@ -232,7 +232,7 @@ def test_lights_follow_their_program() -> None:
         and math.cos(line.heading_rad - world.dense.rows[0, 2]) > 0.9
     )
     seen = []
-    while world.state.clock[1] < 0:
+    while world.state.clock[c.STARTED] < 0:
         world.tick(Control(throttle=0.6))
     for _ in range(160):
         world.tick(FULL_BRAKE)
@@ -290,7 +290,7 @@ def test_standing_for_a_minute_is_blocked_unless_the_scenario_switches_the_test_
         simulator = EmbeddedSimulator()
         simulator.reset(BY_TYPE[name], seed=0, cameras=())
         while simulator.done is None:
-            started = simulator.world.state.clock[1] >= 0
+            started = simulator.world.state.clock[c.STARTED] >= 0
             simulator.step(FULL_BRAKE if started else Control(throttle=0.5))
         ends[name] = simulator.score().end.value
     assert ends == {"DynamicObjectCrossing": "Failed - Agent got blocked", "ParkedObstacle": "Failed - TickRuntime"}

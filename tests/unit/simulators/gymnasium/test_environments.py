@@ -15,7 +15,8 @@ from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import RouteError, UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.gymnasium import gymnasium_simulator
-from pytest_drive_robust.simulators.gymnasium.environments import WORKING, ClassAttributes
+from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
+from pytest_drive_robust.simulators.gymnasium.environments import WORKING
 from pytest_drive_robust.testing import fake_route
 
 HIGHWAY_ENV_IDS = sorted(

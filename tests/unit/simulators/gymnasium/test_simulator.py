@@ -21,8 +21,9 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState, WorldState
 from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.gymnasium import gymnasium_simulator
-from pytest_drive_robust.simulators.gymnasium.environments import ClassAttributes, find_spec, make_environment
-from pytest_drive_robust.simulators.gymnasium.live_road import acceleration_and_steering
+from pytest_drive_robust.simulators.gymnasium.class_attributes import ClassAttributes
+from pytest_drive_robust.simulators.gymnasium.ego import acceleration_and_steering
+from pytest_drive_robust.simulators.gymnasium.environments import find_spec, make_environment
 
 CONFIG = {
     "simulation_frequency": 20,

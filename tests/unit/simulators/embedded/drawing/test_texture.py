@@ -9,6 +9,7 @@ import pytest
 from camera_scene import around, town
 
 from pytest_drive_robust.simulators.embedded.drawing import texture as texture_module
+from pytest_drive_robust.simulators.embedded.drawing.packed import unpack
 from pytest_drive_robust.simulators.embedded.drawing.paint import (
     ASPHALT,
     GRASS,
@@ -17,7 +18,7 @@ from pytest_drive_robust.simulators.embedded.drawing.paint import (
     Region,
     paint_ground,
 )
-from pytest_drive_robust.simulators.embedded.drawing.texture import ground_texture, pack_sheet, texture_regions, unpack
+from pytest_drive_robust.simulators.embedded.drawing.texture import ground_texture, pack_sheet, texture_regions
 
 REGION = Region(-20.0, -20.0, 400, 400, 0.1)
 

@@ -20,7 +20,7 @@ def test_bicycles_ride_on_for_their_distance_and_then_stand_in_the_way() -> None
     before = [beside_route(world, k)[0] for k in bicycles]
     drive(world, 5.0, speed_mps=0.0)
     assert [beside_route(world, k)[0] for k in bicycles] == before  # they set off when the scenario begins
-    assert drive(world, 10.0, speed_mps=4.0, until=lambda w: w.state.clock[1] >= 0)
+    assert drive(world, 10.0, speed_mps=4.0, until=lambda w: w.state.clock[c.STARTED] >= 0)
     drive(world, 10.0, speed_mps=0.0)
     after = [beside_route(world, k)[0] for k in bicycles]
     assert np.subtract(after, before) == pytest.approx([15.0, 15.0], abs=0.3)

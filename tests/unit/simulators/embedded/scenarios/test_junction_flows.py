@@ -36,14 +36,14 @@ def file_flows(world: World) -> list[NDArray[np.int64]]:
             & (world.state.actor_ints[:, c.I_ACTIVE] == 1)
         )
         if flow >= 0 and len(members):
-            found.append(members[np.argsort(-world.state.actors[members, c.A_S])])
+            found.append(members[np.argsort(-world.state.actors[members, c.A_ALONG_M])])
     return found
 
 
 def gaps_m(world: World, members: NDArray[np.int64]) -> Floats:
     """Middle of one to middle of the next, in metres."""
     rows = world.state.actors[members]
-    return np.asarray(rows[:-1, c.A_S] - rows[1:, c.A_S])
+    return np.asarray(rows[:-1, c.A_ALONG_M] - rows[1:, c.A_ALONG_M])
 
 
 # --- flows ---
@@ -96,12 +96,12 @@ def test_the_first_to_come_find_no_wide_gap_and_the_patient_do(name: str) -> Non
     members = file_flows(world)[0]
     meets = world.stage.along(int(world.state.actor_ints[members[0], c.I_PATH]), world.stage.junction_ahead_m())
     passed: list[float] = []  # when somebody passes
-    before = world.state.actors[:, c.A_S].copy()
+    before = world.state.actors[:, c.A_ALONG_M].copy()
     slots = world.state.actor_ints[:, c.I_FLOW] == world.state.actor_ints[members[0], c.I_FLOW]
     for _ in range(1000):
         world.tick(FULL_BRAKE)
-        now = world.state.actors[:, c.A_S]
-        passed.extend([world.state.clock[0] * 0.05] * int((slots & (before < meets) & (now >= meets)).sum()))
+        now = world.state.actors[:, c.A_ALONG_M]
+        passed.extend([world.state.clock[c.TICK] * 0.05] * int((slots & (before < meets) & (now >= meets)).sum()))
         before = now.copy()
     apart = np.diff(passed) * world.state.flows[0, c.F_SPEED]
     ahead_m = world.dense.trigger_m + world.stage.junction_ahead_m()
@@ -150,7 +150,7 @@ def test_a_flow_gives_way_to_nobody_until_one_of_it_is_hit(name: str) -> None:
 def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_blocking_the_road() -> None:
     world = staged("NonSignalizedJunctionLeftTurn")
     car = int(file_flows(world)[0][-2])
-    row, start = world.state.actors[car], float(world.state.actors[car, c.A_S])
+    row, start = world.state.actors[car], float(world.state.actors[car, c.A_ALONG_M])
     yaw, ahead, aside = float(row[c.A_YAW]), 12.0, 1.6
     x, y = row[c.A_X] + ahead * math.cos(yaw), row[c.A_Y] + ahead * math.sin(yaw)
     world.state.ego[[c.EGO_X, c.EGO_Y, c.EGO_YAW, c.EGO_V]] = (
@@ -161,7 +161,7 @@ def test_who_comes_late_scrapes_past_an_ego_that_stands_in_the_way_instead_of_bl
         world.tick(FULL_BRAKE)
     assert np.hypot(*(world.state.ego[:2] - before)) > 0.1  # it was pushed aside
     assert collisions(world) == []
-    assert world.state.actors[car, c.A_S] > start + 25.0
+    assert world.state.actors[car, c.A_ALONG_M] > start + 25.0
 
 
 @pytest.mark.parametrize("name", [*FLOWS, "SequentialLaneChange", "T_Junction", "VanillaNonSignalizedTurn"])

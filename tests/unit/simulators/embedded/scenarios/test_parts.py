@@ -11,6 +11,7 @@ from scenario_driver import drawn, drive, staged
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.truth import LightState
+from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.generate import all_sites
 from pytest_drive_robust.simulators.embedded.world import World
 
@@ -33,7 +34,7 @@ def light_of_ego(world: World) -> int:
 
 def lights_after_trigger(world: World, ticks: int) -> NDArray[np.int64]:
     """Drive until the scenario starts, then stand; return what the lights show, (ticks, lines)."""
-    assert drive(world, 20.0, speed_mps=5.0, until=lambda w: bool(w.state.clock[1] >= 0))
+    assert drive(world, 20.0, speed_mps=5.0, until=lambda w: bool(w.state.clock[c.STARTED] >= 0))
     seen = []
     for _ in range(ticks):
         world.tick(FULL_BRAKE)

@@ -48,7 +48,7 @@ def test_who_brakes_within_a_second_stays_clear(name: str) -> None:
         drive(world, 0.8, speed_mps=9.0)
         drive(world, 4.0, speed_mps=0.0)
         assert collisions(world) == []
-        assert world.state.actor_ints[runner, c.I_ACTIVE] == 1 or world.state.actors[runner, c.A_S] > 0.0
+        assert world.state.actor_ints[runner, c.I_ACTIVE] == 1 or world.state.actors[runner, c.A_ALONG_M] > 0.0
 
 
 def test_the_runner_waits_until_the_ego_is_near_and_does_sixty() -> None:
@@ -56,7 +56,7 @@ def test_the_runner_waits_until_the_ego_is_near_and_does_sixty() -> None:
     runner, fastest = runner_of(world), 0.0
     while world.state.actors[runner, c.A_V] == 0.0:
         assert drive(world, 0.05, speed_mps=8.0) is False
-        assert world.state.clock[0] < 400
+        assert world.state.clock[c.TICK] < 400
     assert 8.0 < away_m(world, runner) < 60.0
     for _ in range(60):
         world.tick(FULL_BRAKE)

@@ -50,7 +50,7 @@ def test_the_parked_ego_gets_out_through_a_gap_in_the_traffic(number: int) -> No
     def free(world: World) -> bool:
         places = [beside_route(world, k) for k in traffic if world.state.actor_ints[k, c.I_ACTIVE] == 1]
         own_lane = [s + world.stage.trigger_m for s, beside in places if abs(beside) < 1.5]
-        return world.state.clock[0] > 60 and not any(-32.0 < s < 12.0 for s in own_lane)
+        return world.state.clock[c.TICK] > 60 and not any(-32.0 < s < 12.0 for s in own_lane)
 
     assert drive(world, 60.0, speed_mps=0.0, until=free)
     drive(world, 8.0, speed_mps=5.0)
