@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from drive_robust_agents._planning import columns as box
+from drive_robust_agents._planning.projection import nearest_row
 from drive_robust_agents._planning.situation import Situation
 from pytest_drive_robust.jit.arrays import Floats1, Floats2
 from pytest_drive_robust.jit.kernels import entry
@@ -53,16 +54,10 @@ def _edge(
     """
     farthest = -np.inf
     here = int(min(max(row, 0.0), len(route) - 1.0))
-    first, last = max(0, min(here - 5, len(route) - 1)), max(1, min(here + _LOOK_M, len(route)))
     for i in range(len(boxes)):
         if boxes[i, box.SPEED] <= 1.0:
             continue
-        best, k = 1e18, first
-        for other in range(first, last):
-            dx, dy = boxes[i, box.X] - route[other, 0], boxes[i, box.Y] - route[other, 1]
-            d = dx * dx + dy * dy
-            if d < best:
-                best, k = d, other
+        k = nearest_row(route, here - 5, here + _LOOK_M, boxes[i, box.X], boxes[i, box.Y])
         dx, dy = boxes[i, box.X] - route[k, 0], boxes[i, box.Y] - route[k, 1]
         at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
         reach = right + 0.5 * boxes[i, box.WIDTH]
