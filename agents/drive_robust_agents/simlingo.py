@@ -43,7 +43,7 @@ from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, published_motion
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.memory import Sensed
-from drive_robust_agents._wrappers.path_controller import Creep, PathController
+from drive_robust_agents._wrappers.path_controller import Creep, PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
 from drive_robust_agents._wrappers.tuning import Tuning
@@ -93,6 +93,7 @@ class SimLingo(LearnedAgent):
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": CAMERAS[0].height_px, "width_px": CAMERAS[0].width_px}
     drops_within_m = MIN_SIMLINGO_M
     configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}
+    tunings: ClassVar[Mapping[Tuning, PathTuning]] = {"ours": numbers.SIMLINGO, "published": numbers.SIMLINGO_PUBLISHED}
 
     def __init__(
         self,
@@ -133,9 +134,8 @@ class SimLingo(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        path = numbers.SIMLINGO if self.tuning == "ours" else numbers.SIMLINGO_PUBLISHED
         self._filter = PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
-        self._controller, self._creep = PathController(path), Creep()
+        self._controller, self._creep = PathController(self.tunings[self.tuning]), Creep()
         self._last: Control | None = None
         self._tick: int | None = None
         self.said = ""

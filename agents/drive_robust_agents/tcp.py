@@ -26,7 +26,7 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
-from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
+from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning, capped_throttle
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
@@ -100,6 +100,7 @@ class TCP(LearnedAgent):
     weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": _JOINED.shape[0], "width_px": _JOINED.shape[1]}
     configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "onnx", "dtype": "float32"}
+    tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.TCP, "published": numbers.TCP_PUBLISHED}
 
     def __init__(
         self,
@@ -132,8 +133,7 @@ class TCP(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        self._numbers = numbers.TCP if self.tuning == "ours" else numbers.TCP_PUBLISHED
-        self._controller, self._fusion = WaypointController(self._numbers), Fusion()
+        self._controller, self._fusion = WaypointController(self.tunings[self.tuning]), Fusion()
         self._coasts = True
 
     def _look(self, observation: Observation) -> NetworkRow:
@@ -161,9 +161,9 @@ class TCP(LearnedAgent):
         if self.mode != "traj":
             direct = _direct(outputs["action"].tolist())  # learned from this car's controls, so needs no conversion
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
-            if self._numbers.full_brake and control.brake > 0.0:
+            if self._controller.tuning.full_brake and control.brake > 0.0:
                 control = Control(control.throttle, control.steer, 1.0)
-            cap = Control(throttle=capped_throttle(self._numbers, speed_mps, control.steer))
+            cap = Control(throttle=capped_throttle(self._controller.tuning, speed_mps, control.steer))
             most = 0.0 if control.brake > 0.5 else self._given(cap, speed_mps).throttle
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
