@@ -27,6 +27,7 @@ from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning, capped_throttle
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
@@ -136,9 +137,10 @@ class TCP(LearnedAgent):
         self._controller, self._fusion = WaypointController(self.tunings[self.tuning]), Fusion()
         self._coasts = True
 
-    def _look(self, observation: Observation) -> NetworkRow:
-        gps, target = observation.gps, self._target(observation.gps.x_m, observation.gps.y_m)
-        aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        pose = SensedPose.of(observation)
+        target = self._target(pose.x_m, pose.y_m)
+        aim, _ = target.seen_from(*pose)
         inputs: dict[str, NDArray[Any]] = {
             "image": joined([observation.cameras[camera.name].pixels for camera in CAMERAS]),
             "speed": np.array(observation.speed.mps, dtype=np.float32),
@@ -147,7 +149,7 @@ class TCP(LearnedAgent):
         }
         return NetworkRow(inputs, (aim,))
 
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
         """Return the control of the mode's branch; coast in the first tick of an episode."""
@@ -157,14 +159,14 @@ class TCP(LearnedAgent):
             self._coasts = False
             return Control()
         speed_mps = observation.speed.mps
-        control = self._given(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
+        control = self._for_driven_car(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
         if self.mode != "traj":
             direct = _direct(outputs["action"].tolist())  # learned from this car's controls, so needs no conversion
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
             if self._controller.tuning.full_brake and control.brake > 0.0:
                 control = Control(control.throttle, control.steer, 1.0)
             cap = Control(throttle=capped_throttle(self._controller.tuning, speed_mps, control.steer))
-            most = 0.0 if control.brake > 0.5 else self._given(cap, speed_mps).throttle
+            most = 0.0 if control.brake > 0.5 else self._for_driven_car(cap, speed_mps).throttle
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
         return control

@@ -89,7 +89,7 @@ class UniAD(BevAgent):
         )  # fmt: skip
         self._optimise = optimise
 
-    def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    def _waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         """Return the network's plan, moved off the cells that will be occupied."""
         plan = outputs["waypoints"]
         if not self._optimise or not np.isfinite(plan).all():

@@ -33,6 +33,9 @@ class NetworkRow(NamedTuple):
 class LearnedAgent(ABC):
     """An agent that drives by a network, with the memory of an episode.
 
+    In each tick `_prepare` makes the inputs of the network from the observation, and `_control` makes the control from
+    the outputs; `_for_driven_car` converts a controller's control for the car.
+
     A subclass defines its name in the manifest of weights, the class of its network (`"tcp:TcpNet"`: module in `_nets`
     and class), the files that ship with it, the picture sizes in a network's specification (`pictures`: weights of
     another rig are refused), and the distance in metres within which a point of the plan is dropped. Constructors
@@ -123,11 +126,11 @@ class LearnedAgent(ABC):
     @classmethod
     def act_batch(cls, agents: Sequence[LearnedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
         """Return the controls of agents with a shared network and equal options, in one run of the network."""
-        seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
+        seen = [agent._prepare(observation) for agent, observation in zip(agents, observations, strict=True)]
         inputs = {name: np.stack([one.inputs[name] for one in seen]) for name in seen[0].inputs}
         outputs = agents[0]._network.run(agents[0]._method, **inputs)
         return [
-            agent._follow(observation, one.targets, {name: values[row] for name, values in outputs.items()})
+            agent._control(observation, one.targets, {name: values[row] for name, values in outputs.items()})
             for row, (agent, observation, one) in enumerate(zip(agents, observations, seen, strict=True))
         ]
 
@@ -136,16 +139,16 @@ class LearnedAgent(ABC):
         return self._planned
 
     @abstractmethod
-    def _look(self, observation: Observation) -> NetworkRow:
-        """Return the inputs of the network in this tick."""
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        """Return the inputs of the network in this tick, and the target points for `_control`."""
 
     @abstractmethod
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """Convert this row's outputs to a control, and set the path that `plan` returns."""
+        """Convert the outputs of this agent's row to a control, and set the path that `plan` returns."""
 
-    def _given(self, control: Control, speed_mps: float) -> Control:
+    def _for_driven_car(self, control: Control, speed_mps: float) -> Control:
         """Return the control for the car from the control of the agent's controller, at the measured speed."""
         if self.tuning == "published":
             return control

@@ -210,8 +210,8 @@ def test_our_numbers_move_the_car_as_a_plain_one_and_published_ones_are_given_as
     made: type[LearnedAgent],
 ) -> None:
     wanted = Control(throttle=0.3, steer=0.2, brake=0.0)
-    assert made(tuning="published")._given(wanted, 5.0) is wanted
-    moved = mkz.moved(5.0, made(tuning="ours")._given(wanted, 5.0))
+    assert made(tuning="published")._for_driven_car(wanted, 5.0) is wanted
+    moved = mkz.moved(5.0, made(tuning="ours")._for_driven_car(wanted, 5.0))
     tangent = math.tan(0.2 * 0.61)
     assert moved.turn_rad == pytest.approx(0.05 * math.cos(math.atan(0.5 * tangent)) * tangent / 2.85, rel=1e-6)
     drag_mps2 = 0.12 + 0.018 * 5.0 + 0.0006 * 25.0
