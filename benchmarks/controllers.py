@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import cast
 
 from rich.progress import track
 
@@ -170,7 +171,9 @@ def main() -> None:
     parser.add_argument("--tuning", default="ours", help="ours, published, or both, separated by commas")
     given = parser.parse_args()
     settings = [Setting.parse(one) for one in given.settings.split(",")]
-    tunings = [tuning.tuning_called(one, agent="tcp") for one in given.tuning.split(",")]
+    tunings = cast("list[tuning.Tuning]", given.tuning.split(","))
+    for tuned in tunings:
+        tuning.require_tuning(tuned, agent="tcp")
     for name, tuned, setting in product(given.agents.split(","), tunings, settings):
         if name != "expert" or tuned == tunings[0]:
             drive(name, setting, tuned=tuned, routes=resolve_routes(given.routes), every=given.every)

@@ -115,7 +115,8 @@ class TCP(LearnedAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        self.mode: Mode = _mode_called(mode)
+        _require_mode(mode)
+        self.mode: Mode = mode
         super().__init__(
             tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
@@ -124,7 +125,7 @@ class TCP(LearnedAgent):
     @classmethod
     def check(cls, **options: Any) -> None:
         """Raise `UsageError` for an unknown mode and for the options that `LearnedAgent.check` refuses."""
-        _mode_called(options.get("mode", "traj"))
+        _require_mode(options.get("mode", "traj"))
         super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -172,12 +173,9 @@ class TCP(LearnedAgent):
         return control
 
 
-def _mode_called(name: str) -> Mode:
-    for known in get_args(Mode):
-        if name == known:
-            mode: Mode = known
-            return mode
-    raise UnknownNameError.of("mode of tcp", name, get_args(Mode), hint="As in 'tcp:mode=fused'.")
+def _require_mode(name: str) -> None:
+    if name not in get_args(Mode):
+        raise UnknownNameError.of("mode of tcp", name, get_args(Mode), hint="As in 'tcp:mode=fused'.")
 
 
 def _direct(action: Sequence[float]) -> Control:

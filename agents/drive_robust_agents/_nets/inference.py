@@ -19,21 +19,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets import require
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.answer import GENERATE, answer_and_drive
+from drive_robust_agents._nets.engine_options import device_of, require_possible
 from drive_robust_agents._nets.manifest import WeightsEntry
-from pytest_drive_robust.errors import UsageError, did_you_mean
+from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ENGINES", "ROWS", "Engine", "LoadedNetwork", "Network"]
+__all__ = ["ROWS", "Engine", "LoadedNetwork", "Network"]
 
 ROWS = 4
 """Rows of a batch. One size for all batches keeps the order in which the sums of a matrix product are added."""
-
-ENGINES: Mapping[str, tuple[str, ...]] = {"onnx": ("onnxruntime", "numpy"), "torch": ("torch", "numpy")}
-"""The packages whose versions decide the bits of a network, by engine."""
-
-_TYPES = ("float32", "bfloat16", "float16")
 
 _Arrays = Mapping[str, NDArray[Any]]
 
@@ -95,13 +90,13 @@ class LoadedNetwork:
         `manifest.json` beside it. Raises `UsageError` for refused weights, and for an engine, device or dtype that this
         machine lacks.
         """
-        _require_possible(engine, dtype, threads)
+        require_possible(engine, dtype, threads)
         _, entry = store.locate(name, weights)
         key = _NetworkKey(
             name,
             network,
             engine,
-            _device(device, engine),
+            device_of(device, engine),
             dtype,
             threads,
             None if weights is None else Path(weights).absolute(),
@@ -122,7 +117,7 @@ class LoadedNetwork:
         weights: str | Path | None = None,
     ) -> None:
         """Raise the `UsageError` that `of` would raise, devices aside: verify the files, make no network."""
-        _require_possible(engine, dtype, threads)
+        require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
         store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
         for graph in entry.graphs.values():
@@ -186,46 +181,3 @@ def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
-
-
-def _require_possible(engine: str, dtype: str, threads: int) -> None:
-    """Raise `UsageError` for an impossible engine, dtype or thread number, and when torch is needed but missing."""
-    _one_of("engine", engine, tuple(ENGINES))
-    _one_of("dtype", dtype, _TYPES)
-    if threads < 1 or (engine == "onnx" and dtype != "float32"):
-        raise UsageError(
-            f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more; "
-            "engine='torch' has mixed precision."
-        )
-    if engine == "torch":
-        require("torch", extra="torch")
-
-
-def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:
-    if given not in known:
-        names = ", ".join(map(repr, known))
-        raise UsageError(f"{what}={given!r}: expected one of {names}.{did_you_mean(given, known)}")
-
-
-def _device(given: str, engine: str) -> str:
-    """Return the device of that name. Raises `UsageError` when this machine has none."""
-    if engine == "onnx":
-        if given not in ("auto", "cpu"):
-            raise UsageError(
-                f"device={given!r} with engine='onnx': expected 'cpu' or 'auto'; engine='torch' computes on CUDA."
-            )
-        return "cpu"
-    import torch
-
-    if given == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    try:
-        kind = torch.device(given).type
-    except RuntimeError:
-        kind = ""
-    if kind not in ("cpu", "cuda") or (kind == "cuda" and not torch.cuda.is_available()):
-        raise UsageError(
-            f"device={given!r} with engine={engine!r}: expected 'cpu', 'auto', or with a CUDA build of torch and a "
-            f"device that it sees 'cuda' (torch {torch.__version__} sees {torch.cuda.device_count()})."
-        )
-    return given

@@ -10,13 +10,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.inference import ENGINES, LoadedNetwork, Network
+from drive_robust_agents._nets.engine_options import ENGINES
+from drive_robust_agents._nets.inference import LoadedNetwork, Network
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents._vehicle.mkz import Pedals
 from drive_robust_agents._vehicle.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
-from drive_robust_agents._wrappers.tuning import Tuning, tuning_called
+from drive_robust_agents._wrappers.tuning import Tuning, require_tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.errors import UsageError
 
@@ -69,7 +70,8 @@ class LearnedAgent(ABC):
         network: Network | None = None,
     ) -> None:
         """Use `network`; without it, load a network with `LoadedNetwork.of` and the options `engine` to `weights`."""
-        self.tuning: Tuning = tuning_called(tuning, agent=self.name)
+        require_tuning(tuning, agent=self.name)
+        self.tuning: Tuning = tuning
         self._network = network or LoadedNetwork.of(
             self.name,
             self.architecture,
@@ -90,7 +92,7 @@ class LearnedAgent(ABC):
 
         `options` are the options in the agent's name. The device is checked only when the agent is made.
         """
-        tuning_called(options.get("tuning", "published"), agent=cls.name)
+        require_tuning(options.get("tuning", "published"), agent=cls.name)
         if isinstance(options.get("network"), str):
             raise UsageError(
                 f"the network of {cls.name!r} is an object that only its constructor can be given. Name a file of "

@@ -25,7 +25,7 @@ from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = [
     "PUBLISHED", "SIMLINGO", "SIMLINGO_PUBLISHED", "TCP", "TCP_PUBLISHED", "UNIAD", "UNIAD_PUBLISHED", "VAD",
-    "VAD_PUBLISHED", "Tuning", "tuning_called",
+    "VAD_PUBLISHED", "Tuning", "require_tuning",
 ]  # fmt: skip
 
 Tuning = Literal["ours", "published"]
@@ -107,10 +107,7 @@ SIMLINGO = replace(
 network, whose plans slow down too gently, begins to brake too late."""
 
 
-def tuning_called(name: str, *, agent: str) -> Tuning:
-    """Return the name of a tuning. Raises `UnknownNameError` with a hint for `agent` where there is none."""
-    for known in get_args(Tuning):
-        if name == known:
-            tuning: Tuning = known
-            return tuning
-    raise UnknownNameError.of("tuning", name, get_args(Tuning), hint=f"As in '{agent}:tuning=published'.")
+def require_tuning(name: str, *, agent: str) -> None:
+    """Raise `UnknownNameError` with a hint for `agent` when there is no tuning of this name."""
+    if name not in get_args(Tuning):
+        raise UnknownNameError.of("tuning", name, get_args(Tuning), hint=f"As in '{agent}:tuning=published'.")

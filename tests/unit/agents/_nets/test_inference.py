@@ -104,8 +104,8 @@ def test_inputs_are_not_touched_and_outputs_are_the_callers(network: LoadedNetwo
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"engine": "onxx"}, "engine='onxx': expected one of 'onnx', 'torch'. Did you mean 'onnx'"),
-        ({"dtype": "int8"}, "dtype='int8'"),
+        ({"engine": "onxx"}, "no engine of a network named 'onxx'. Did you mean 'onnx'? Known: onnx, torch."),
+        ({"dtype": "int8"}, "no dtype of a network named 'int8'"),
         ({"device": "gpu", "engine": "torch"}, "device='gpu' with engine='torch': expected 'cpu', 'auto'"),
         ({"device": "cuda:0"}, "device='cuda:0' with engine='onnx': expected 'cpu' or 'auto'; engine='torch' computes"),
         ({"threads": 0}, "threads=0"),

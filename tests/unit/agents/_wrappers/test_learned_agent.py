@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
-from drive_robust_agents._nets.inference import ENGINES, ROWS, LoadedNetwork
+from drive_robust_agents._nets.engine_options import ENGINES
+from drive_robust_agents._nets.inference import ROWS, LoadedNetwork
 from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
