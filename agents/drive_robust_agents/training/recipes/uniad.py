@@ -14,17 +14,17 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.matching import Match
 from drive_robust_agents._nets.uniad import Perceived, UniadNet, UniadSpec, move
 from drive_robust_agents._nets.uniad_heads import PriorAgents
 from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
+from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
 from drive_robust_agents.training.recipes.dense import LINE_KINDS, dense_loss
+from drive_robust_agents.training.recipes.matching import Match
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 from drive_robust_agents.training.recipes.uniad_losses import (
     collision_loss,
     heat_loss,
-    hint_loss,
     mask_loss,
     motion_loss,
     occupancy_loss,
@@ -40,7 +40,6 @@ from drive_robust_agents.training.recipes.uniad_targets import (
     on_lines,
     own_way,
 )
-from drive_robust_agents.training.recipes.vad_losses import agent_loss
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays

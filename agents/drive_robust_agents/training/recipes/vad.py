@@ -14,11 +14,11 @@ from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose
 from drive_robust_agents._wrappers.bev_agent import CAMERAS
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
+from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
 from drive_robust_agents.training.recipes.dense import dense_loss, dense_targets
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
-from drive_robust_agents.training.recipes.uniad_losses import hint_loss
 from drive_robust_agents.training.recipes.vad_constraints import boundary_loss, collision_loss, direction_loss
-from drive_robust_agents.training.recipes.vad_losses import agent_loss, lane_loss, path_loss
+from drive_robust_agents.training.recipes.vad_losses import lane_loss, path_loss
 from pytest_drive_robust import CameraSpec
 
 __all__ = ["VadRecipe", "plan_loss"]
