@@ -14,6 +14,7 @@ from torch import nn
 from drive_robust_agents._nets import torch_weights
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.manifest import MOST_BYTES, WeightsEntry, plain_spec, read_manifest, write_entry
+from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.loop.graphs import write_graphs
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
@@ -69,9 +70,8 @@ def publish(
     entry = read_manifest(file.parent, recipe.name)
     contents = {entry.file: store.verified_bytes(file, entry)}
     contents |= {graph.file: store.verified_graph(file, entry, graph) for graph in entry.graphs.values()}
-    provenance = {
-        **entry.provenance, **about, "rig": [asdict(camera) for camera in recipe.rig], "score": score
-    }  # fmt: skip
+    rig = [asdict(camera) for camera in agent_rig(recipe.name).cameras]
+    provenance = {**entry.provenance, **about, "rig": rig, "score": score}
     entry = replace(entry, version=version, provenance=provenance)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():

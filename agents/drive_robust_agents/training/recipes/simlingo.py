@@ -32,7 +32,6 @@ from drive_robust_agents._nets.words import PAD
 from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.reasons import commentary
-from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.augment import occlude, simlingo_mild
 from drive_robust_agents.training.recipes.dreaming import (
     PATH_POINTS,
@@ -49,7 +48,6 @@ from pytest_drive_robust import RoadOption
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["SimLingoRecipe", "TalkPrompt", "talk"]
 
@@ -102,11 +100,6 @@ class SimLingoRecipe:
 
     def __init__(self, *, robust: bool = False, talking: float = 0.5, mix: Mapping[str, float] = MIX) -> None:
         self.robust, self.talking, self.mix = robust, talking, mix
-
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """One wide front camera above and behind the driver."""
-        return agent_rig(self.name).cameras
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""

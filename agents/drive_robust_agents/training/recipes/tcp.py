@@ -19,7 +19,6 @@ from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["TcpRecipe", "beta_nll"]
 
@@ -49,11 +48,6 @@ class TcpRecipe:
 
     def __init__(self, *, robust: bool = False) -> None:
         self.robust = robust
-
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """The three front cameras."""
-        return CAMERAS
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""

@@ -14,12 +14,12 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from drive_robust_agents._nets.bev_net import LANE_CLASSES
 from drive_robust_agents._nets.uniad import Perceived, UniadNet, UniadSpec, move
 from drive_robust_agents._nets.uniad_heads import PriorAgents
-from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
 from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
-from drive_robust_agents.training.recipes.dense import LINE_KINDS, dense_loss
+from drive_robust_agents.training.recipes.dense import dense_loss
 from drive_robust_agents.training.recipes.matching import Match
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 from drive_robust_agents.training.recipes.uniad_losses import (
@@ -43,7 +43,6 @@ from drive_robust_agents.training.recipes.uniad_targets import (
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["UniadRecipe"]
 
@@ -71,11 +70,6 @@ class UniadRecipe:
 
     def __init__(self, *, robust: bool = False) -> None:
         self.robust = robust
-
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """Six cameras all around."""
-        return agent_rig(self.name).cameras
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
@@ -109,7 +103,7 @@ def _seen(net: UniadNet, seen: Perceived, batch: Mapping[str, Tensor]) -> tuple[
     lines = draw(cells_of(on_lines(batch["true_lanes"]), bev), bev.cells)
     bodies = draw(cells_of(in_boxes(boxes, boxes[..., :2]), bev), bev.cells)
     classes, shapes, found = agent_loss(seen.tracks.logits, seen.tracks.boxes, boxes)
-    lane_kind, lane_mask = mask_loss(seen.lane_logits[..., :LINE_KINDS], seen.lane_masks, lines, kind)
+    lane_kind, lane_mask = mask_loss(seen.lane_logits[..., : len(LANE_CLASSES)], seen.lane_masks, lines, kind)
     parts = {
         "dense": 4.0 * dense_loss(seen.dense.transpose(1, 2), from_above(bodies, lines, boxes, kind)),
         "heat": 0.5 * heat_loss(seen.heat, heat_of(boxes, bev)),
