@@ -56,6 +56,7 @@ ASKED: tuple[tuple[str, Kind, bool], ...] = (
 
 LEAST_M, ASIDE_M, STANDS_MPS, CLOSER_MPS = 0.5, 1.0, 1.0, 0.5
 _CHUNK = 64
+_SEED = 0
 _MOST_ROWS = 20_000
 
 
@@ -74,26 +75,24 @@ class InstructionScore(NamedTuple):
         return self.right / self.scenes if self.scenes else float("nan")
 
 
-def scores(
-    network: Network, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
-) -> list[InstructionScore]:
+def scores(network: Network, frames: Frames, *, scenes: int = 200, everything: bool = False) -> list[InstructionScore]:
     """Return the scores of each row of the table, on up to `scenes` scenes.
 
     Scenes are drawn from the validation episodes, or with `everything` from all frames, if none was trained on.
     """
     held = np.arange(len(frames)) if everything else frames.split()[1]
-    order = draws("instructions", seed).permutation(held)[:_MOST_ROWS]
+    order = draws("instructions", _SEED).permutation(held)[:_MOST_ROWS]
     found: dict[str, list[bool]] = {}
     for asked, kind, safety in ASKED:
         share = scenes // sum(other == asked for other, _, _ in ASKED)
         rows = _fitting(frames, order, kind, safety=safety)[:share]
-        found.setdefault(asked, []).extend(examine(network, frames.arrays(NEEDS, rows), kind, safety=safety, seed=seed))
+        found.setdefault(asked, []).extend(examine(network, frames.arrays(NEEDS, rows), kind, safety=safety))
     return [_score(asked, right) for asked, right in found.items()]
 
 
-def examine(network: Network, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0) -> list[bool]:
+def examine(network: Network, arrays: Arrays, kind: Kind, *, safety: bool) -> list[bool]:
     """Return for each row whether the instruction moves the plan the right way (with `safety`: leaves it alone)."""
-    generator = draws("wording", kind.value, seed)
+    generator = draws("wording", kind.value, _SEED)
     right = []
     for start in range(0, len(arrays["speed"]), _CHUNK):
         chunk = {name: values[start : start + _CHUNK] for name, values in arrays.items()}

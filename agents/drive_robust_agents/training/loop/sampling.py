@@ -43,14 +43,14 @@ def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
     return weights
 
 
-def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -> Floats:
-    """Return weights that sum to one, with the share of every scenario type raised to at least `floor`.
+def level_types(weights: Floats, tags: NDArray[Any]) -> Floats:
+    """Return weights that sum to one, with the share of every scenario type raised to at least `_FLOOR`.
 
     With k types the floor is at most 0.9 / k. Types above the floor are reduced in proportion to their share.
     """
     kinds, of = np.unique(tags, return_inverse=True)
     shares = np.bincount(of, weights=weights, minlength=len(kinds)) / weights.sum()
-    least = min(floor, 0.9 / len(kinds))
+    least = min(_FLOOR, 0.9 / len(kinds))
     wanted = shares.copy()
     low = wanted < least
     while True:
