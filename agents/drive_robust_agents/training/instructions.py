@@ -18,7 +18,7 @@ from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.simlingo import SimLingo
-from drive_robust_agents.training.collect import check_cameras, check_complete, check_world
+from drive_robust_agents.training.collect import check_frames
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames
@@ -147,9 +147,7 @@ def run(given: argparse.Namespace) -> int:
     """Print the table for folders of frames. Raises `UsageError` for weights or data that cannot be used."""
     require_positive(given, "scenes")
     folders = [Path(folder) for folder in given.data]
-    check_world(folders)
-    check_cameras(folders, SimLingo.name)
-    check_complete(folders)
+    check_frames(folders, SimLingo.name)
     if not given.all:
         _require_held_out(given.data, locate(SimLingo.name, given.weights)[1])
     loaded = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=given.weights)
