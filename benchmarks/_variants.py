@@ -205,8 +205,7 @@ class Variant:
         self.__wrapped__ = cls
         self.__module__, self.__qualname__ = cls.__module__, cls.__qualname__
         self.weights, self.computed_by = cls.weights, cls.computed_by
-        said = {"change": repr(self._change), "changed by": source_digest(_Changed)}
-        self.configuration = {**getattr(cls, "configuration", {}), **said}
+        self.configuration = {"change": repr(self._change), "changed by": source_digest(_Changed)}
 
     def __call__(self) -> LearnedAgent:
         """Return a new agent, changed."""

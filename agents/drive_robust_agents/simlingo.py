@@ -75,13 +75,10 @@ class SimLingo(LearnedAgent):
     * `"none"`: the pose of GPS and compass.
 
     The first two are equal to the bit while the agent acts in every tick. Both predict with the car of the embedded
-    world, or with `tuning="published"` with the car of the published filter. `tuning` is that of `LearnedAgent`; the
-    published numbers, made for this car, drive it better than ours.
+    world, or with `tuning="published"` with the car of the published filter. The published numbers, made for this car,
+    drive it better than ours.
 
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for unknown sentences and filters, and for weights that are missing or differ from their
-    manifest.
+    The other options are those of `LearnedAgent`. Raises `UsageError` for unknown sentences and filters.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
@@ -92,7 +89,6 @@ class SimLingo(LearnedAgent):
     )
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": CAMERAS[0].height_px, "width_px": CAMERAS[0].width_px}
     drops_within_m = MIN_SIMLINGO_M
-    configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}
     tunings: ClassVar[Mapping[Tuning, PathTuning]] = {"ours": numbers.SIMLINGO, "published": numbers.SIMLINGO_PUBLISHED}
 
     def __init__(

@@ -88,11 +88,7 @@ class Fusion:
 class TCP(LearnedAgent):
     """Three front cameras, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
-    `tuning` is that of `LearnedAgent`.
-
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for unknown modes and for weights that are missing or differ from their manifest.
+    The options after `mode` are those of `LearnedAgent`. Raises `UnknownNameError` for another mode.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
@@ -100,7 +96,6 @@ class TCP(LearnedAgent):
     architecture = "tcp:TcpNet"
     weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": _JOINED.shape[0], "width_px": _JOINED.shape[1]}
-    configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "onnx", "dtype": "float32"}
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.TCP, "published": numbers.TCP_PUBLISHED}
 
     def __init__(

@@ -44,7 +44,12 @@ class LearnedAgent(ABC):
 
     `tuning` chooses the numbers that turn the plan into controls. `"published"` are the numbers of the released agent,
     made for CARLA's car, whose controls are applied unchanged. `"ours"` are numbers for a plain car, whose controls are
-    converted so that the driven car moves alike (`plain_car`). Raises `UnknownNameError` for another tuning.
+    converted so that the driven car moves alike (`plain_car`).
+
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine`, `device`, `dtype`
+    and `threads` are those of `LoadedNetwork.of`. `network` replaces the network, for tests. Raises `UsageError` for
+    another tuning, for an engine that this machine lacks, and for weights that are missing or differ from their
+    manifest.
     """
 
     consumes: ClassVar[frozenset[str]]
@@ -69,7 +74,6 @@ class LearnedAgent(ABC):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        """Use `network`; without it, load a network with `LoadedNetwork.of` and the options `engine` to `weights`."""
         require_tuning(tuning, agent=self.name)
         self.tuning: Tuning = tuning
         self._network = network or LoadedNetwork.of(
