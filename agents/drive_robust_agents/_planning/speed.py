@@ -9,6 +9,7 @@ import numpy as np
 from drive_robust_agents._planning.forecast import rollouts
 from drive_robust_agents._planning.projection import leaders
 from drive_robust_agents._planning.situation import Situation
+from drive_robust_agents._planning.tracks import STEP_S
 from pytest_drive_robust.jit.arrays import Floats, Ints
 
 __all__ = ["SpeedChoice", "is_free"]
@@ -95,13 +96,8 @@ class SpeedChoice:
         wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
-        for margins, wary in trial.tiers:
-            if wary and followed:
-                continue
-            free = trial.seconds(margins, wary=wary)
-            if free.max() >= trial.horizon_s - 1e-9:
-                break
-        safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
+        free, wary = trial.freest(never_wary=followed)
+        safe = _ACCELERATIONS[free >= trial.whole_s]
         if len(safe) == 0:
             lost = free.max() <= _LEFT_ALONE_S and not hurry
             return -8.0 if lost else float(_ACCELERATIONS[int(np.argmax(free))])
@@ -114,32 +110,44 @@ class SpeedChoice:
 
 
 class _SpeedTrial:
-    """Tries plans on one path at one moment."""
+    """Tries plans on one path at one moment. A plan without trouble for `whole_s` is free of trouble."""
 
     def __init__(self, now: Situation, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
         self.now, self.path, self.stop_row = now, path, stop_row
         self.leads = leaders(path, now.row, traffic.boxes)
         self.junctions = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
-        self.horizon_s = 0.2 * _HORIZON_STEPS
+        self.whole_s = STEP_S * _HORIZON_STEPS - 1e-9
         front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
         inside = any(first + 0.5 < front and rear < last for first, last in self.junctions.tolist())
         self.hurry = hurry or inside
         # inside a junction smaller margins apply, because stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _with_room(_MARGINS, 0.0 if pushy else now.room_s)
-        self.tiers: tuple[tuple[Floats, bool], ...] = (
+        self._tiers: tuple[tuple[Floats, bool], ...] = (
             (first, True),
             (first, False),
             (_TIGHT_MARGINS, True),
             (_TIGHT_MARGINS, False),
         )
         if pushy:
-            self.tiers += ((_LEAST_MARGINS, False),)
+            self._tiers += ((_LEAST_MARGINS, False),)
+
+    def freest(self, *, never_wary: bool) -> tuple[Floats, bool]:
+        """Return (`seconds`, whether leaders may brake hard) of the first tier with a plan without trouble.
+
+        If there is none, return those of the last tier. `never_wary` skips tiers in which leaders may brake hard.
+        """
+        tiers = [(margins, wary) for margins, wary in self._tiers if not (wary and never_wary)]
+        for margins, wary in tiers:
+            free = self.seconds(margins, wary=wary)
+            if free.max() >= self.whole_s:
+                break
+        return free, wary
 
     def survives(self, acceleration: float) -> bool:
         """Return whether the ego can still stop after driving on at `acceleration` for a moment."""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
-        return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
+        return bool(self._roll(plan, self._tiers[0][0], self.leads)[0] >= self.whole_s)
 
     def is_pressed(self, plan: Floats) -> bool:
         """Return whether a follower would have to brake for an ego that drives this plan."""
