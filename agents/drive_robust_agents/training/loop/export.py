@@ -15,7 +15,7 @@ from drive_robust_agents._nets import torch_weights
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.manifest import MOST_BYTES, WeightsEntry, plain_spec, read_manifest, write_entry
 from drive_robust_agents.training.data.rigs import agent_rig
-from drive_robust_agents.training.loop.graphs import write_graphs
+from drive_robust_agents.training.loop.onnx_graphs import write_graphs
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole

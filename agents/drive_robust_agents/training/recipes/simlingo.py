@@ -14,7 +14,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from drive_robust_agents._nets.causal import select
-from drive_robust_agents._nets.commentary import FOLLOWING, refusal
 from drive_robust_agents._nets.prompts import (
     ANSWER_SLOTS,
     PROMPT_SLOTS,
@@ -30,6 +29,7 @@ from drive_robust_agents._nets.prompts import (
 from drive_robust_agents._nets.simlingo import Driving, SimLingoNet, SimLingoSpec
 from drive_robust_agents._nets.words import PAD
 from drive_robust_agents._vehicle.mkz import TICK_S
+from drive_robust_agents.training.data.commentary import FOLLOWING, refusal
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.reasons import commentary
 from drive_robust_agents.training.recipes.augment import occlude, simlingo_mild
