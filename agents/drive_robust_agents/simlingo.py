@@ -83,7 +83,7 @@ class SimLingo(LearnedAgent):
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "simlingo"
-    architecture = "simlingo:SimLingoNet"
+    network_class = "simlingo:SimLingoNet"
     weights = tuple(
         SHIPPED / f"simlingo{rest}" for rest in (".safetensors", ".onnx", "_read.onnx", "_say.onnx", "_plan.onnx")
     )

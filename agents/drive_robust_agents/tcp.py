@@ -93,7 +93,7 @@ class TCP(LearnedAgent):
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "tcp"
-    architecture = "tcp:TcpNet"
+    network_class = "tcp:TcpNet"
     weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": _JOINED.shape[0], "width_px": _JOINED.shape[1]}
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.TCP, "published": numbers.TCP_PUBLISHED}

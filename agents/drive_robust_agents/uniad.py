@@ -61,7 +61,7 @@ class UniAD(BevAgent):
     """
 
     name = "uniad"
-    architecture = "uniad:UniadNet"
+    network_class = "uniad:UniadNet"
     weights = (SHIPPED / "uniad.safetensors", SHIPPED / "uniad.onnx")
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.UNIAD, "published": numbers.UNIAD_PUBLISHED}
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}

@@ -44,7 +44,7 @@ class VAD(BevAgent):
     """
 
     name = "vad"
-    architecture = "vad:VadNet"
+    network_class = "vad:VadNet"
     weights = (SHIPPED / "vad.safetensors", SHIPPED / "vad.onnx")
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.VAD, "published": numbers.VAD_PUBLISHED}
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}

@@ -54,7 +54,7 @@ class _NetworkKey:
     """The key of a loaded network; `content` are the digests of its files."""
 
     name: str
-    network: str
+    network_class: str
     engine: str
     device: str
     dtype: str
@@ -73,7 +73,7 @@ class LoadedNetwork:
     def of(
         cls,
         name: str,
-        network: str,
+        network_class: str,
         *,
         engine: str = "onnx",
         device: str = "cpu",
@@ -83,9 +83,9 @@ class LoadedNetwork:
     ) -> LoadedNetwork:
         """Return the network of an agent; equal arguments give one shared object per process.
 
-        `network` is the module and the class of the network, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime, on a
-        CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. A `dtype` other than
-        `"float32"` computes with torch's automatic mixed precision and is meant for CUDA; processors without
+        `network_class` is the module and the class of the network, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime,
+        on a CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. A `dtype` other
+        than `"float32"` computes with torch's automatic mixed precision and is meant for CUDA; processors without
         instructions for that type are many times slower. `weights` is None for the shipped weights, or a file with its
         `manifest.json` beside it. Raises `UsageError` for refused weights, and for an engine, device or dtype that this
         machine lacks.
@@ -94,7 +94,7 @@ class LoadedNetwork:
         _, entry = store.locate(name, weights)
         key = _NetworkKey(
             name,
-            network,
+            network_class,
             engine,
             device_of(device, engine),
             dtype,
@@ -109,7 +109,7 @@ class LoadedNetwork:
     def check(
         cls,
         name: str,
-        network: str,
+        network_class: str,
         *,
         engine: str = "onnx",
         dtype: str = "float32",
@@ -119,14 +119,9 @@ class LoadedNetwork:
         """Raise the `UsageError` that `of` would raise, devices aside: verify the files, make no network."""
         require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
-        store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
+        store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_architecture_of(network_class))
         for graph in entry.graphs.values():
             store.verified_graph(path, entry, graph)
-
-    @property
-    def label(self) -> str:
-        """The label of the weights in results: `name@version:sha8`."""
-        return self.entry.label
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Run the network on rows of inputs (each array with the rows as its first axis).
@@ -157,14 +152,14 @@ def _made(key: _NetworkKey) -> LoadedNetwork:
         from drive_robust_agents._nets.torch_engine import TorchEngine
         from drive_robust_agents._nets.torch_weights import load
 
-        module, _, cls = key.network.partition(":")
+        module, _, cls = key.network_class.partition(":")
         build = getattr(import_module(f"{__package__}.{module}"), cls).build
         net, entry = load(key.name, build, weights=key.file)
         engine = TorchEngine(net, device=key.device, dtype=key.dtype, threads=key.threads)
     else:
         from drive_robust_agents._nets.onnx_engine import OnnxEngine
 
-        engine = OnnxEngine(path, entry, architecture=_class_of(key.network), threads=key.threads)
+        engine = OnnxEngine(path, entry, architecture=_architecture_of(key.network_class), threads=key.threads)
     return LoadedNetwork(entry, engine)
 
 
@@ -172,8 +167,9 @@ def _digests(entry: WeightsEntry) -> tuple[str, ...]:
     return (entry.sha256, *(graph.sha256 for graph in entry.graphs.values()))
 
 
-def _class_of(network: str) -> str:
-    return network.partition(":")[2]
+def _architecture_of(network_class: str) -> str:
+    """Return the name by which manifests know a class such as `"tcp:TcpNet"`: `"TcpNet"`."""
+    return network_class.partition(":")[2]
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:

@@ -37,10 +37,8 @@ class LearnedAgent(ABC):
     In each tick `_prepare` makes the inputs of the network from the observation, and `_control` makes the control from
     the outputs; `_for_driven_car` converts a controller's control for the car.
 
-    A subclass defines its name in the manifest of weights, the class of its network (`"tcp:TcpNet"`: module in `_nets`
-    and class), the files that ship with it, the picture sizes in a network's specification (`pictures`: weights of
-    another rig are refused), and the distance in metres within which a point of the plan is dropped. Constructors
-    repeat the keywords below, so that a reader of one agent sees all of its options.
+    A subclass defines these two, `sensors`, and the class attributes below. Constructors repeat the keywords below, so
+    that a reader of one agent sees all of its options.
 
     `tuning` chooses the numbers that turn the plan into controls. `"published"` are the numbers of the released agent,
     made for CARLA's car, whose controls are applied unchanged. `"ours"` are numbers for a plain car, whose controls are
@@ -54,10 +52,15 @@ class LearnedAgent(ABC):
 
     consumes: ClassVar[frozenset[str]]
     name: ClassVar[str]
-    architecture: ClassVar[str]
+    """The agent's name in the manifest of weights."""
+    network_class: ClassVar[str]
+    """The class of the network and its module in `_nets`: `"tcp:TcpNet"`."""
     weights: ClassVar[tuple[Path, ...]]
+    """The files of weights and graphs that ship."""
     pictures: ClassVar[Mapping[str, Any]]
+    """The sizes of pictures in a network's specification: weights of another rig are refused."""
     drops_within_m: ClassVar[float] = MIN_M
+    """The distance within which a point of the plan is dropped."""
     computed_by: tuple[str, ...] = ENGINES["onnx"]
 
     _method = "forward"
@@ -78,7 +81,7 @@ class LearnedAgent(ABC):
         self.tuning: Tuning = tuning
         self._network = network or LoadedNetwork.of(
             self.name,
-            self.architecture,
+            self.network_class,
             engine=engine,
             device=device,
             dtype=dtype,
@@ -103,7 +106,7 @@ class LearnedAgent(ABC):
                 f"weights instead, as in '{cls.name}:weights=FILE'."
             )
         computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
-        LoadedNetwork.check(cls.name, cls.architecture, **computed)
+        LoadedNetwork.check(cls.name, cls.network_class, **computed)
         cls._require_rig(options.get("weights"))
 
     @classmethod

@@ -150,7 +150,7 @@ def run(given: argparse.Namespace) -> int:
     check_frames(folders, SimLingo.name)
     if not given.all:
         _require_held_out(given.data, locate(SimLingo.name, given.weights)[1])
-    loaded = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=given.weights)
+    loaded = LoadedNetwork.of("simlingo", SimLingo.network_class, weights=given.weights)
     found = scores(lambda inputs: loaded.run(**inputs), Frames(*given.data), scenes=given.scenes, everything=given.all)
     print(table(found))
     return 0

@@ -83,7 +83,7 @@ def test_agents_share_a_network_and_other_arguments_get_another(eager: LoadedNet
 def test_replaced_weights_are_another_policy(tmp_path: Path) -> None:
     first = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=1))
     second = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=2))
-    assert first.label != second.label
+    assert first.entry.label != second.entry.label
     assert not np.array_equal(first.run(**inputs(1))["waypoints"], second.run(**inputs(1))["waypoints"])
 
 

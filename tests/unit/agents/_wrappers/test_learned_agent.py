@@ -134,7 +134,7 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
     given = inputs_of(agent, ROWS)
     for method in ("forward", GENERATE) if agent is SimLingo else ("forward",):
         plans = [
-            LoadedNetwork.of(agent.name, agent.architecture, engine=engine).run(method, **given) for engine in ENGINES
+            LoadedNetwork.of(agent.name, agent.network_class, engine=engine).run(method, **given) for engine in ENGINES
         ]
         assert set(plans[0]) == set(plans[1])
         for name in {"path", "waypoints", "action", "answer"} & set(plans[0]):
@@ -144,7 +144,7 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
 @every_agent
 def test_a_graph_computes_a_row_alike_in_any_company(agent: type[LearnedAgent]) -> None:
     """But for last bits: they are up to the processor, and lockstep checks them before it begins."""
-    network, given = LoadedNetwork.of(agent.name, agent.architecture), inputs_of(agent, 8)
+    network, given = LoadedNetwork.of(agent.name, agent.network_class), inputs_of(agent, 8)
     whole = network.run(**given)
     for rows in ([3, 2, 1, 0], [0, 5, 6], [7, 6, 5, 4, 0, 0]):
         again = network.run(**{name: values[rows] for name, values in given.items()})
@@ -157,7 +157,7 @@ def test_the_graphs_that_ship_are_open_to_any_program_beside_their_weights(agent
     given = inputs_of(agent, 1)
     plain = onnxruntime.InferenceSession(weights.SHIPPED / f"{agent.name}.onnx", providers=["CPUExecutionProvider"])
     found = dict(zip([one.name for one in plain.get_outputs()], plain.run(None, given), strict=True))
-    expected = LoadedNetwork.of(agent.name, agent.architecture).run(**given)
+    expected = LoadedNetwork.of(agent.name, agent.network_class).run(**given)
     assert np.abs(found["waypoints"] - expected["waypoints"]).max() < TOLERANCE
 
 
