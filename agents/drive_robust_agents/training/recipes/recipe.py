@@ -23,11 +23,10 @@ RECIPES = {"simlingo": "SimLingoRecipe", "tcp": "TcpRecipe", "uniad": "UniadReci
 
 
 class TrainingStage(NamedTuple):
-    """A stage of the training: its share of all steps, frozen parameters (by prefix), factor on the learning rate."""
+    """A stage of the training: its share of all steps, and frozen parameters (by prefix)."""
 
     share: float = 1.0
     frozen: tuple[str, ...] = ()
-    lr_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
