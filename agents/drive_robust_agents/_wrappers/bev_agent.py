@@ -88,7 +88,7 @@ class BevAgent(LearnedAgent):
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
         self._memory.keep(observation.tick, SensedPose.of(observation), outputs)
-        way = tuple((float(x), float(y)) for x, y in self._waypoints(outputs))
+        way = tuple((x, y) for x, y in self._waypoints(outputs).tolist())
         self._planned = PlannedPath(path=way, target_points=targets, speed_points=way)
         control = self._controller.step(way, observation.speed.mps, targets[0])
         brake = 0.0 if control.throttle > control.brake else control.brake

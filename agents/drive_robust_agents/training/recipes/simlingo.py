@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -103,7 +102,7 @@ class SimLingoRecipe:
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return SimLingoNet.build(asdict(SimLingoSpec()) if spec is None else spec)
+        return SimLingoNet(SimLingoSpec()) if spec is None else SimLingoNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return inputs and `true_...` targets of the driving prompt; `talk_...` those of the second prompts.

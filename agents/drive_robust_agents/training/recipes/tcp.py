@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -51,7 +50,7 @@ class TcpRecipe:
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return TcpNet.build(asdict(TcpSpec()) if spec is None else spec)
+        return TcpNet(TcpSpec()) if spec is None else TcpNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return the inputs of `TcpNet.forward` by name, and targets named `true_...`."""

@@ -7,7 +7,6 @@ on (agent queries begin at its peaks), and hints to the ego's query about the li
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -73,7 +72,7 @@ class UniadRecipe:
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return UniadNet.build(asdict(UniadSpec()) if spec is None else spec)
+        return UniadNet(UniadSpec()) if spec is None else UniadNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return the inputs of `bev_inputs`, and the labels of the sample, named `true_...`."""

@@ -10,7 +10,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
 from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
@@ -53,7 +52,7 @@ class VadRecipe:
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return VadNet.build(plain_spec(VadSpec()) if spec is None else spec)
+        return VadNet(VadSpec()) if spec is None else VadNet.build(spec)
 
     def batch(
         self, arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool
