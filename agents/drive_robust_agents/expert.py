@@ -157,10 +157,11 @@ class Expert:
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
         stop = self._right_of_way.stop_row(scene, world, row, elapsed_s=elapsed_s)
         turned = math.remainder(ego.yaw_rad - float(scene.route[scene.index(row), 2]), math.tau)
-        drift = tan(min(max(turned, -1.2), 1.2))
         return Situation(
-            scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop, ticks, self._room_s
-        )
+            scene=scene, traffic=self._traffic, right_of_way=self._right_of_way,
+            row=row, right_m=right, drift=tan(min(max(turned, -1.2), 1.2)), speed_mps=ego.speed_mps,
+            stop_row=stop, ticks=ticks, room_s=self._room_s,
+        )  # fmt: skip
 
     # --- where ---
 
@@ -218,7 +219,10 @@ class Expert:
             self._line = (profile, line_of(now.scene, profile))
         line = self._line[1]
         self._ego = ego
-        passing = self._overtaking.current is not None or self._siren.active
-        self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
+        self._intent = Intent(
+            scene=now.scene, line=line, row=now.row, acceleration_mps2=acceleration,
+            rule_row=now.stop_row, stop_row=stop_row,
+            passing=self._overtaking.current is not None or self._siren.active, waiting=self._held_back,
+        )  # fmt: skip
         steer = steer_along(ego, line, now.scene.index(now.row))
         return pedals(ego, acceleration, steer)

@@ -171,7 +171,7 @@ class SimLingo(LearnedAgent):
     ) -> Control:
         """Return the control: steer along the path, drive by the waypoints; brake in the first tick of an episode."""
         path, waypoints = (tuple((x, y) for x, y in outputs[name].tolist()) for name in ("path", "waypoints"))
-        self._planned = PlannedPath(path, targets, waypoints)
+        self._planned = PlannedPath(path=path, target_points=targets, speed_points=waypoints)
         if self.commentary:
             self.said = decode(number for number in outputs["answer"].tolist() if number != CLOSING)
         control = self._controller.step(path, waypoints, observation.speed.mps)

@@ -150,7 +150,7 @@ class TCP(LearnedAgent):
     ) -> Control:
         """Return the control of the mode's branch; coast in the first tick of an episode."""
         waypoints = tuple((x, y) for x, y in outputs["waypoints"].tolist())
-        self._planned = PlannedPath(waypoints, targets, waypoints)
+        self._planned = PlannedPath(path=waypoints, target_points=targets, speed_points=waypoints)
         if self._coasts:
             self._coasts = False
             return Control()

@@ -177,5 +177,10 @@ def _pass(
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
     return Pass(
-        shift, hold_m, start, ahead.first_row - scene.half_length_m - 1.0, until + back, beside and not same_way
+        shift=shift,
+        hold_m=hold_m,
+        starts_row=start,
+        beside_row=ahead.first_row - scene.half_length_m - 1.0,
+        ends_row=until + back,
+        oncoming=beside and not same_way,
     )

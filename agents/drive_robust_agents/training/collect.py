@@ -331,11 +331,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def collection_of(given: argparse.Namespace) -> Collection:
     """Return the `Collection` of the options."""
-    return Collection(
-        given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
-        given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
-        given.room_s, given.halt_s,
-    )  # fmt: skip
+    values = {field.name: getattr(given, field.name) for field in fields(Collection)}
+    return Collection(**values | {"types": tuple(given.types), "settings": tuple(given.settings)})
 
 
 def run(given: argparse.Namespace) -> int:
