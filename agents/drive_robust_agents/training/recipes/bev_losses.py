@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.recipes.matching import Match, match
 from pytest_drive_robust.domain.truth import ActorKind
 
@@ -24,7 +25,11 @@ _NUMBERS = 7
 _ALPHA, _GAMMA = 0.25, 2.0
 """The focal loss's weight of positives, and the power of its factor (Lin et al. 2017)."""
 _NEAR_M = 20.0
-_LIGHT_M = 60.0
+_LIGHT_WITHIN_M = 60.0
+_LIGHT, _LIGHT_M, _LEAD_M, _WALKER_M, _OBSTACLE_M = map(
+    FACTS.index, ("light", "light_m", "lead_m", "walker_m", "obstacle_m")
+)
+"""Columns of `facts`."""
 
 
 def _focal(logits: Tensor, targets: Tensor) -> Tensor:
@@ -82,10 +87,10 @@ def agent_loss(logits: Sequence[Tensor], boxes: Sequence[Tensor], target: Tensor
 def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
     """Compute the loss of the ego query's hints, the light ahead and the nearness of things; not a published loss.
 
-    `facts` (N, 16) as `training.data.facts`: light, metres to its line, to a leader, ..., to a walker, to an obstacle.
+    `facts` (N, 16) as `training.data.facts.FACTS`.
     """
-    near_light = facts[:, 1] < _LIGHT_M
-    light = torch.where(near_light, facts[:, 0], torch.full_like(facts[:, 0], -1.0)).long() + 1
-    blocked = torch.minimum(facts[:, 4], facts[:, 5])
-    near = torch.exp(-torch.stack((facts[:, 1], facts[:, 2], blocked), dim=1).clamp(min=0.0) / _NEAR_M)
-    return functional.cross_entropy(hints[:, :5], light) + 4.0 * (hints[:, 5:] - near).abs().mean()
+    light = facts[:, _LIGHT]
+    shown = torch.where(facts[:, _LIGHT_M] < _LIGHT_WITHIN_M, light, torch.full_like(light, -1.0)).long() + 1
+    blocked = torch.minimum(facts[:, _WALKER_M], facts[:, _OBSTACLE_M])
+    near = torch.exp(-torch.stack((facts[:, _LIGHT_M], facts[:, _LEAD_M], blocked), dim=1).clamp(min=0.0) / _NEAR_M)
+    return functional.cross_entropy(hints[:, :5], shown) + 4.0 * (hints[:, 5:] - near).abs().mean()
