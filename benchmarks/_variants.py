@@ -169,27 +169,27 @@ class _Changed(LearnedAgent):
             kind: Any = type(self._controller)
             self._controller = kind(replace(self._controller.tuning, **self.change.numbers))
 
-    def _look(self, observation: Observation) -> NetworkRow:
+    def _prepare(self, observation: Observation) -> NetworkRow:
         if self.change.behind_m:
             gps, yaw = observation.gps, observation.compass.yaw_rad
             x_m, y_m = gps.x_m - self.change.behind_m * math.cos(yaw), gps.y_m - self.change.behind_m * math.sin(yaw)
             observation = replace(observation, gps=replace(gps, x_m=x_m, y_m=y_m))
-        row = super()._look(observation)
+        row = super()._prepare(observation)
         if self.change.moved_by_speed and row.inputs["known"]:
             moved = (observation.speed.mps * 0.05 * LAG_TICKS, 0.0)
             row.inputs["motion"][:2] = row.inputs["can_bus"][4:] = moved
         return row
 
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
         if self.change.to_target:
             turned = {name: _turned(outputs[name], targets[0], self.change.to_target) for name in _PLANS & set(outputs)}
             outputs = {**outputs, **turned}
-        return super()._follow(observation, targets, outputs)
+        return super()._control(observation, targets, outputs)
 
-    def _given(self, control: Control, speed_mps: float) -> Control:
-        converted = super()._given(control, speed_mps)
+    def _for_driven_car(self, control: Control, speed_mps: float) -> Control:
+        converted = super()._for_driven_car(control, speed_mps)
         pedals = control if self.change.pedals_as_they_are else converted
         steer = (control if self.change.steers_as_it_is else converted).steer
         return Control(pedals.throttle, steer, pedals.brake)
@@ -205,8 +205,7 @@ class Variant:
         self.__wrapped__ = cls
         self.__module__, self.__qualname__ = cls.__module__, cls.__qualname__
         self.weights, self.computed_by = cls.weights, cls.computed_by
-        said = {"change": repr(self._change), "changed by": source_digest(_Changed)}
-        self.configuration = {**getattr(cls, "configuration", {}), **said}
+        self.configuration = {"change": repr(self._change), "changed by": source_digest(_Changed)}
 
     def __call__(self) -> LearnedAgent:
         """Return a new agent, changed."""

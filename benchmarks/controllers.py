@@ -18,6 +18,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import cast
 
 from rich.progress import track
 
@@ -27,6 +28,7 @@ from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.path_controller import PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
 from drive_robust_agents._wrappers.route_planner import RoutePlanner, to_ego
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training.data.labels import path_ahead
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation
@@ -89,13 +91,12 @@ class Perfect:
 
     def act(self, observation: Observation) -> Control:
         assert observation.truth is not None
-        ego, gps = observation.truth.state.ego, observation.gps
+        ego, pose = observation.truth.state.ego, SensedPose.of(observation)
         self.expert.act(observation)
         self._tick = observation.tick
         if not self._future or self.age_ticks >= self._every:
             self._future, self._branched = self._drive_on(observation), observation.tick
-        target = self._planner.step(gps.x_m, gps.y_m)
-        local, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
+        local, _ = self._planner.step(pose.x_m, pose.y_m).seen_from(*pose)
         control = self._steer(self, ego, observation.speed.mps, local)
         if not self._for_plain_car:
             return control
@@ -170,7 +171,9 @@ def main() -> None:
     parser.add_argument("--tuning", default="ours", help="ours, published, or both, separated by commas")
     given = parser.parse_args()
     settings = [Setting.parse(one) for one in given.settings.split(",")]
-    tunings = [tuning.tuning_called(one, agent="tcp") for one in given.tuning.split(",")]
+    tunings = cast("list[tuning.Tuning]", given.tuning.split(","))
+    for tuned in tunings:
+        tuning.require_tuning(tuned, agent="tcp")
     for name, tuned, setting in product(given.agents.split(","), tunings, settings):
         if name != "expert" or tuned == tunings[0]:
             drive(name, setting, tuned=tuned, routes=resolve_routes(given.routes), every=given.every)

@@ -12,7 +12,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._classical.corridor import Corridor, beside
 from drive_robust_agents._classical.gap import Gap
@@ -25,18 +24,24 @@ from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._vehicle.mkz import Pedals
 from drive_robust_agents._vehicle.plain_car import pedals_from_plain
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, RoadOption
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["Classical"]
 
 _CRUISE_MPS, _TURN_MPS, _CAREFUL_MPS = 12.0, 6.5, 8.5
+"""Speeds on a free road, in a turn, and straight over a junction or beside something at the edge."""
 _BRAKE_MPS2, _STANDOFF_M = 3.6, 3.5
+"""Deceleration for a body in the way, and the distance at which the front bumper stops before it."""
 _LANE_SHARE = 0.85
+"""Share of the distance to the middle of a well-seen lane by which the plan's course is moved."""
 _OFF_LANE_M, _IN_LANE_M = 0.6, 0.8
+"""Largest first guess of the lane's offset, and the offset from the plan below which the vehicle is in its lane."""
 _PULL_OUT_MPS, _SLOW_MPS = 3.5, 1.0
-_ROOM_TO_PULL_OUT_M = 3.5
-_ROAD_TO_PASS_M = 30.0
+"""Speed while changing sides, and the speed below which bodies beside the lane are looked at."""
+_ROOM_TO_PULL_OUT_M, _ROAD_TO_PASS_M = 3.5, 30.0
+"""Distance kept in addition before a body that may be passed, and the length of road without a junction to pass it."""
 _AHEAD_POINTS = 44
+"""Length of the way ahead, a point a metre."""
 
 
 class Classical:
@@ -98,9 +103,7 @@ class Classical:
         target = min(self._road_speed(at, junction), self._obstacle_speed(), rules)
         return self._control(target, speed, elapsed_s)
 
-    def _correct(
-        self, course: Floats, pixels: NDArray[np.uint8], to_lane_end: float, travelled: float, turned: float
-    ) -> Floats:
+    def _correct(self, course: Floats, pixels: Pixels, to_lane_end: float, travelled: float, turned: float) -> Floats:
         """Return the plan's course moved to the middle of the seen lane, on stretches where the path keeps its lane."""
         on_road = to_lane_end > -1.0 and self._entered
         if on_road and not self._on_road:
@@ -120,7 +123,7 @@ class Classical:
             self._shift_m = float(way[6, 1] - course[6, 1])
         return way
 
-    def _pass(self, pixels: NDArray[np.uint8], bases: Floats, speed: float, ticks: int) -> bool:
+    def _pass(self, pixels: Pixels, bases: Floats, speed: float, ticks: int) -> bool:
         """Move the way to the left of a body in the lane; return True while the way is moved."""
         matters = self._overtake.passing or speed < _SLOW_MPS or not self._entered
         along, right = beside(bases if matters else bases[:0], self._way).T
@@ -153,6 +156,7 @@ class Classical:
     # --- control ---
 
     def _control(self, target: float, speed: float, elapsed_s: float) -> Control:
+        """Return the control: pure pursuit of a point of the way, and a PI controller of the speed."""
         ahead, aside = self._aim(min(max(0.5 * speed + 2.5, 3.5), 11.0))
         forward, right = max(ahead, 0.5), aside + self._corridor.aside_m
         curvature = 2.0 * right / (forward * forward + right * right)

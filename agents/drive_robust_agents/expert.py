@@ -4,8 +4,8 @@ The expert sees the ground truth (as PDM-Lite does in CARLA) and drives in three
 `_planning`:
 
 1. forecast all actors along the lanes (`traffic`, `tracks`);
-2. choose the path: the lanes of the route (`lane_changes`), or a way around obstacles (`obstacles`); a new manoeuvre
-   begins only when the forecast says that the manoeuvre can be completed;
+2. choose the path: the lanes of the route (`lane_changes`), or a way around obstacles (`obstacles`, `overtaking`); a
+   new manoeuvre begins only when the forecast says that the manoeuvre can be completed;
 3. choose the speed: the strongest acceleration without trouble (`speed`, `forecast`), given the places where lights,
    signs and junctions make the ego wait (`right_of_way`).
 
@@ -22,13 +22,15 @@ from collections.abc import Sequence
 
 from drive_robust_agents._planning.control import pedals, steer_along
 from drive_robust_agents._planning.intent import Intent
-from drive_robust_agents._planning.invader import invader_edge
+from drive_robust_agents._planning.invader import InvaderAvoidance
 from drive_robust_agents._planning.lane_changes import LaneChanges, Siren
 from drive_robust_agents._planning.lateral import line_of
-from drive_robust_agents._planning.obstacles import Obstacle, Pass, nearest_obstacle, ways_around
+from drive_robust_agents._planning.obstacles import Obstacle
+from drive_robust_agents._planning.overtaking import Overtaking
 from drive_robust_agents._planning.projection import project
 from drive_robust_agents._planning.right_of_way import RightOfWay
-from drive_robust_agents._planning.speed import Situation, SpeedChoice, is_free
+from drive_robust_agents._planning.situation import Situation
+from drive_robust_agents._planning.speed import SpeedChoice, is_free
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from drive_robust_agents._vehicle.mkz import TICK_S
@@ -40,21 +42,12 @@ from pytest_drive_robust.jit.arrays import Floats
 
 __all__ = ["Expert"]
 
-_WAIT_BEFORE_M = 7.0
-"""Distance at which the front bumper stops before an obstacle, which leaves room for the way around."""
 _CHANGE_FREE_S = 6.0
-_PASS_EARLY_M, _PASS_LOOK_M, _DOUBTS = 10.0, 90.0, 6
+"""Seconds for which a lane, or the way out of a parking space, must be free."""
 _PARKED_FROM_M = 1.5
-_NEAR_M, _NEAR_S, _BORROW_AFTER_S = (10.0, 30.0), 3.0, 5.1
-"""Distances and time at which the ego counts as near an obstacle (within 3 s at its speed, limited to 10..30 m), and
-the seconds after which the oncoming lane is free then (all scenarios with `TwoWays` in Bench2Drive)."""
-_HALT_MPS2 = 4.0
-"""Deceleration to stop when the ego is nearer than `_WAIT_BEFORE_M` already."""
+"""Distance from the middle of its lane at which the ego starts from a parking space, and is out of its lane."""
 _SLOWER = 0.9
 """Speed of an ego that waits for a gap, as a share of the speed of traffic in the new lane."""
-_INVADER_GAP_M, _INVADER_TICKS = 0.5, 600
-_EDGE_M = 0.3
-"""Distance beyond the right edge of its lane to which the ego moves to avoid an invader."""
 
 
 class Expert:
@@ -88,23 +81,17 @@ class Expert:
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode."""
-        self._scene: StaticScene | None = None
         self._lanes: LaneChanges | None = None
         self._traffic = Traffic()
         self._right_of_way = RightOfWay(self._halt_s)
-        self._siren = Siren()
+        self._siren, self._overtaking, self._invaders = Siren(), Overtaking(), InvaderAvoidance()
         self._speed = SpeedChoice()
-        self._pass: Pass | None = None
         self._line: tuple[Floats, Floats] | None = None
-        self._doubts = 0
-        self._near_s = 0.0
-        self._aside_m, self._aside_ticks = 0.0, 0
         self._parked: bool | None = None
-        self._ego: EgoState | None = None
         self._held_back = False
+        self._ego: EgoState | None = None
         self._intent: Intent | None = None
         self._tick: int | None = None
-        self._ticks = 1
 
     def plan(self) -> PlannedPath:
         """Return the next 30 m of the path that the last control followed."""
@@ -127,8 +114,8 @@ class Expert:
         Both share the map, which does not change.
         """
         memo: dict[int, object] = {}
-        if self._scene is not None:
-            memo[id(self._scene)] = self._scene.fork()
+        if self._lanes is not None:
+            memo[id(self._lanes.scene)] = self._lanes.scene.fork()
         return copy.deepcopy(self, memo)
 
     def act(self, observation: Observation) -> Control:
@@ -139,43 +126,42 @@ class Expert:
         truth = observation.truth
         if truth is None:
             raise ValueError("expert needs Observation.truth: it is a privileged agent")
-        if self._scene is None:
-            self._scene = StaticScene(truth)
-            self._lanes = LaneChanges(self._scene)
-        assert self._lanes is not None
+        if self._lanes is None:
+            self._lanes = LaneChanges(StaticScene(truth))
         # a repeated tick counts as the next tick
-        self._ticks = 1 if self._tick is None else max(1, observation.tick - self._tick)
+        ticks = 1 if self._tick is None else max(1, observation.tick - self._tick)
         self._tick = observation.tick
-        now = self._see(self._scene, truth)
-        self._held_back = self._waits_beside_the_lane(self._lanes, now)
+        lanes, now = self._lanes, self._see(self._lanes.scene, truth, ticks)
+        self._held_back = self._waits_beside_the_lane(lanes, now)
         if self._held_back:
-            return self._control(truth.state.ego, self._lanes.profile, now, -1.0, now.stop_row)
-        obstacle = self._choose_lane(self._lanes, now, truth)
-        profile = self._profile(self._lanes, now, truth)
-        stop = min(now.stop_row, self._lanes.stop_row(), self._before(obstacle, now))
-        cruise = self._lanes.traffic_mps(self._traffic, now.row)
+            return self._control(truth.state.ego, lanes.profile, now, -1.0, now.stop_row)
+        obstacle = self._choose_lane(lanes, now, truth)
+        profile = self._profile(lanes, now, truth)
+        stop = min(now.stop_row, lanes.stop_row(), self._overtaking.stop_row(obstacle, now))
+        cruise = lanes.traffic_mps(self._traffic, now.row)
         acceleration = self._speed.choose(
             now,
             now.path(profile),
             stop,
             cruise_mps=math.inf if cruise is None else _SLOWER * cruise,
-            hurry=self._hurries(self._lanes, profile, now),
+            hurry=self._hurries(lanes, profile, now),
         )
         self._held_back |= obstacle is not None and not obstacle.moving
         return self._control(truth.state.ego, profile, now, acceleration, stop)
 
-    def _see(self, scene: StaticScene, truth: GroundTruth) -> Situation:
+    def _see(self, scene: StaticScene, truth: GroundTruth, ticks: int) -> Situation:
         """Return the data for all decisions of this tick."""
         world, ego = truth.state, truth.state.ego
-        elapsed_s = TICK_S * self._ticks
+        elapsed_s = TICK_S * ticks
         self._traffic.update(world, scene.graph, elapsed_s)
         row, right = project(scene.route, truth.progress - 6, truth.progress + 12, ego.x_m, ego.y_m)
         stop = self._right_of_way.stop_row(scene, world, row, elapsed_s=elapsed_s)
         turned = math.remainder(ego.yaw_rad - float(scene.route[scene.index(row), 2]), math.tau)
-        drift = tan(min(max(turned, -1.2), 1.2))
         return Situation(
-            scene, self._traffic, self._right_of_way, row, right, drift, ego.speed_mps, stop, elapsed_s, self._room_s
-        )
+            scene=scene, traffic=self._traffic, right_of_way=self._right_of_way,
+            row=row, right_m=right, drift=tan(min(max(turned, -1.2), 1.2)), speed_mps=ego.speed_mps,
+            stop_row=stop, ticks=ticks, room_s=self._room_s,
+        )  # fmt: skip
 
     # --- where ---
 
@@ -184,112 +170,47 @@ class Expert:
         if self._parked is None:
             self._parked = abs(now.right_m - float(lanes.profile[0])) > _PARKED_FROM_M
         if self._parked:
-            self._parked = not is_free(
-                now, now.path(lanes.profile), now.row + 40.0, within_s=_CHANGE_FREE_S, room_s=self._room_s
-            )
+            until_row = now.row + 40.0
+            self._parked = not is_free(now, lanes.profile, until_row, within_s=_CHANGE_FREE_S, room_s=self._room_s)
         return self._parked
 
     def _choose_lane(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Obstacle | None:
         """Begin the manoeuvres that are possible now; return the obstacle before which the ego has to wait, or None."""
-        if self._pass is not None and (now.row > self._pass.ends_row or self._give_up(lanes, now)):
-            self._pass = None
+        self._overtaking.end(lanes.profile, now)
         for shift in self._siren.shifts(now.scene, self._traffic, truth.state, now.row):
-            if self._is_free(lanes.profile + shift, now, now.row + 30.0):
+            if is_free(now, lanes.profile + shift, now.row + 30.0):
                 self._siren.step_aside(shift)
                 break
         if self._siren.active:
             return None
-        self._change_lane(lanes, now)
-        return self._go_around(lanes, now)
+        if self._overtaking.current is None:
+            self._change_lane(lanes, now)
+        return self._overtaking.begin(lanes.profile, now)
 
     def _change_lane(self, lanes: LaneChanges, now: Situation) -> None:
-        if self._pass is not None:
-            return
+        """Begin the next lane change of the route if it is due and free."""
         candidate = lanes.candidate(now.row, now.speed_mps)
         if candidate is None:
             return
-        if self._is_free(candidate, now, now.row + 90.0, within_s=_CHANGE_FREE_S):
+        if is_free(now, candidate, now.row + 90.0, within_s=_CHANGE_FREE_S):
             lanes.adopt(candidate)
         else:
             self._held_back = True
-
-    def _go_around(self, lanes: LaneChanges, now: Situation) -> Obstacle | None:
-        """Begin to pass an obstacle in the lane; return the obstacle while the way around is not free."""
-        ahead = nearest_obstacle(now.scene, self._traffic, lanes.profile, now.row)
-        if ahead is None:
-            self._near_s = 0.0
-            return None
-        self._watch(ahead, now)
-        if self._pass is not None and (not ahead.moving and self._pass.ends_row > ahead.last_row):
-            return None
-        k = min(now.scene.index(now.row), now.scene.count - 2)
-        lane_m = float(lanes.profile[k] + (now.row - k) * (lanes.profile[k + 1] - lanes.profile[k]))
-        for way in ways_around(now.scene, ahead, now.row, now.right_m - lane_m, speed_mps=now.speed_mps):
-            until = min(way.ends_row, now.row + _PASS_LOOK_M)
-            if self._pass is None and way.starts_row > now.row + _PASS_EARLY_M:
-                continue
-            if self._pass is None and way.oncoming and self._near_s < _BORROW_AFTER_S:
-                continue
-            if self._pass is not None or self._is_free(lanes.profile + way.shift, now, until):
-                self._pass = way
-                self._doubts = 0
-                return None
-        return ahead
-
-    def _watch(self, ahead: Obstacle, now: Situation) -> None:
-        """Count the seconds since the ego came near the obstacle."""
-        near_m = min(max(_NEAR_S * now.speed_mps, _NEAR_M[0]), _NEAR_M[1])
-        if self._near_s > 0.0 or ahead.first_row - now.row < near_m:
-            self._near_s += now.elapsed_s
-
-    def _give_up(self, lanes: LaneChanges, now: Situation) -> bool:
-        """Return whether a pass from which the ego can still stop is no longer free for several ticks on end."""
-        if self._pass is None or now.row + _halt_m(now) > self._pass.beside_row:
-            return False
-        until = min(self._pass.ends_row, now.row + _PASS_LOOK_M)
-        free = self._is_free(lanes.profile + self._pass.shift, now, until)
-        self._doubts = 0 if free else self._doubts + self._ticks if self._doubts else 1
-        return self._doubts > _DOUBTS
-
-    def _is_free(self, profile: Floats, now: Situation, until_row: float, *, within_s: float = math.inf) -> bool:
-        return is_free(now, now.path(profile), until_row, within_s=within_s)
 
     def _profile(self, lanes: LaneChanges, now: Situation, truth: GroundTruth) -> Floats:
         """Return the profile of this tick: the lane's own, moved aside for a siren, an obstacle or an invader."""
         aside = self._siren.profile(self._traffic, truth.state)
         if aside is not None:
             return lanes.profile + aside
-        if self._pass is not None:
-            return lanes.profile + self._pass.shift
-        return lanes.profile + self._keep_right(now)
-
-    def _keep_right(self, now: Situation) -> float:
-        """Return metres to move right while an invader reaches into the lane, and for `_INVADER_TICKS` afterwards."""
-        scene = now.scene
-        half_lane = 0.5 * scene.lane_at(now.row).width_m
-        edge = invader_edge(scene, self._traffic.boxes, now.row, half_lane)
-        if edge is not None:
-            need = edge + scene.half_width_m + _INVADER_GAP_M
-            self._aside_m = max(self._aside_m, min(need, half_lane - scene.half_width_m + _EDGE_M))
-            self._aside_ticks = _INVADER_TICKS
-        self._aside_ticks -= self._ticks
-        return self._aside_m if self._aside_ticks > 0 else 0.0
+        if self._overtaking.current is not None:
+            return lanes.profile + self._overtaking.current.shift
+        return lanes.profile + self._invaders.shift_m(now)
 
     def _hurries(self, lanes: LaneChanges, profile: Floats, now: Situation) -> bool:
         """Return whether the ego leaves a parking space, is between two lanes, or is outside its own lane."""
-        k = now.scene.index(now.row)
-        passing = self._pass is not None and abs(self._pass.hold_m) > 1.0
+        k, way = now.scene.index(now.row), self._overtaking.current
+        passing = way is not None and abs(way.hold_m) > 1.0
         return passing or now.row < lanes.busy_until_row or abs(now.right_m - float(profile[k])) > _PARKED_FROM_M
-
-    def _before(self, obstacle: Obstacle | None, now: Situation) -> float:
-        """Return the row at which the front bumper waits for a way around, infinite without an obstacle."""
-        if obstacle is None or (obstacle.moving and self._near_s >= _BORROW_AFTER_S):
-            return math.inf
-        front = now.row + now.scene.half_length_m
-        wait = obstacle.first_row - _WAIT_BEFORE_M
-        if front < wait + 0.3:
-            return wait
-        return front if now.speed_mps < 1.0 else min(front + _halt_m(now), obstacle.first_row - 1.0)
 
     # --- control ---
 
@@ -298,11 +219,10 @@ class Expert:
             self._line = (profile, line_of(now.scene, profile))
         line = self._line[1]
         self._ego = ego
-        passing = self._pass is not None or self._siren.active
-        self._intent = Intent(now.scene, line, now.row, acceleration, now.stop_row, stop_row, passing, self._held_back)
+        self._intent = Intent(
+            scene=now.scene, line=line, row=now.row, acceleration_mps2=acceleration,
+            rule_row=now.stop_row, stop_row=stop_row,
+            passing=self._overtaking.current is not None or self._siren.active, waiting=self._held_back,
+        )  # fmt: skip
         steer = steer_along(ego, line, now.scene.index(now.row))
         return pedals(ego, acceleration, steer)
-
-
-def _halt_m(now: Situation) -> float:
-    return now.speed_mps * now.speed_mps / (2.0 * _HALT_MPS2)

@@ -42,10 +42,10 @@ from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.kalman import PoseEstimate, PositionFilter, published_motion
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
-from drive_robust_agents._wrappers.memory import Sensed
-from drive_robust_agents._wrappers.path_controller import Creep, PathController
+from drive_robust_agents._wrappers.path_controller import Creep, PathController, PathTuning
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_SIMLINGO_M
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -75,24 +75,21 @@ class SimLingo(LearnedAgent):
     * `"none"`: the pose of GPS and compass.
 
     The first two are equal to the bit while the agent acts in every tick. Both predict with the car of the embedded
-    world, or with `tuning="published"` with the car of the published filter. `tuning` is that of `LearnedAgent`; the
-    published numbers, made for this car, drive it better than ours.
+    world, or with `tuning="published"` with the car of the published filter. The published numbers, made for this car,
+    drive it better than ours.
 
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for unknown sentences and filters, and for weights that are missing or differ from their
-    manifest.
+    The other options are those of `LearnedAgent`. Raises `UsageError` for unknown sentences and filters.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "simlingo"
-    architecture = "simlingo:SimLingoNet"
+    network_class = "simlingo:SimLingoNet"
     weights = tuple(
         SHIPPED / f"simlingo{rest}" for rest in (".safetensors", ".onnx", "_read.onnx", "_say.onnx", "_plan.onnx")
     )
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": CAMERAS[0].height_px, "width_px": CAMERAS[0].width_px}
     drops_within_m = MIN_SIMLINGO_M
-    configuration: ClassVar[Mapping[str, str]] = {"commentary": "no", "engine": "onnx", "dtype": "float32"}
+    tunings: ClassVar[Mapping[Tuning, PathTuning]] = {"ours": numbers.SIMLINGO, "published": numbers.SIMLINGO_PUBLISHED}
 
     def __init__(
         self,
@@ -133,17 +130,16 @@ class SimLingo(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        path = numbers.SIMLINGO if self.tuning == "ours" else numbers.SIMLINGO_PUBLISHED
         self._filter = PositionFilter(mkz.moved if self.tuning == "ours" else published_motion)
-        self._controller, self._creep = PathController(path), Creep()
+        self._controller, self._creep = PathController(self.tunings[self.tuning]), Creep()
         self._last: Control | None = None
         self._tick: int | None = None
         self.said = ""
         """The last sentence: what it does and why; empty without commentary."""
 
-    def _look(self, observation: Observation) -> NetworkRow:
-        here, speed_mps = self._place(observation), observation.speed.mps
-        targets = self._target(here.x_m, here.y_m).seen_from(here.x_m, here.y_m, here.yaw_rad)
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        pose, speed_mps = self._pose(observation), observation.speed.mps
+        targets = self._target(pose.x_m, pose.y_m).seen_from(pose.x_m, pose.y_m, pose.yaw_rad)
         inputs: dict[str, NDArray[Any]] = {
             "image": observation.cameras[CAMERAS[0].name].pixels,
             "speed": np.array(speed_mps, dtype=np.float32),
@@ -152,17 +148,17 @@ class SimLingo(LearnedAgent):
         }
         return NetworkRow(inputs, targets)
 
-    def _place(self, observation: Observation) -> PoseEstimate:
+    def _pose(self, observation: Observation) -> PoseEstimate | SensedPose:
         """Return the assumed pose of the vehicle; call once per `act`, because the filter has a memory."""
-        speed_mps = observation.speed.mps
         if self.position_filter == "none":
-            return PoseEstimate(*Sensed.of(observation), speed_mps)
+            return SensedPose.of(observation)
         before, self._tick = self._tick, observation.tick
         ticks = 1
         if before is not None and self.position_filter == "elapsed":
             ticks = max(1, observation.tick - before)
         gps, yaw_rad = observation.gps, observation.compass.yaw_rad
-        return self._filter.step(gps.x_m, gps.y_m, yaw_rad, speed_mps, self._last or _FULL_BRAKE, ticks)
+        last = self._last or _FULL_BRAKE
+        return self._filter.step(gps.x_m, gps.y_m, yaw_rad, observation.speed.mps, last, ticks)
 
     def _prompt(self, speed_mps: float) -> str:
         way = by_targets(speed_mps)
@@ -170,19 +166,19 @@ class SimLingo(LearnedAgent):
             return instructed(way, self.instruction, safety=self.safety)
         return comment(way) if self.commentary else driving(way)
 
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
         """Return the control: steer along the path, drive by the waypoints; brake in the first tick of an episode."""
         path, waypoints = (tuple((x, y) for x, y in outputs[name].tolist()) for name in ("path", "waypoints"))
-        self._planned = PlannedPath(path, targets, waypoints)
+        self._planned = PlannedPath(path=path, target_points=targets, speed_points=waypoints)
         if self.commentary:
             self.said = decode(number for number in outputs["answer"].tolist() if number != CLOSING)
         control = self._controller.step(path, waypoints, observation.speed.mps)
         if self._creep.step(observation.speed.mps):
             least = control.throttle if self.tuning == "published" else 0.0
             control = Control(max(Creep.THROTTLE, least), control.steer)
-        self._last = _FULL_BRAKE if self._last is None else self._given(control, observation.speed.mps)
+        self._last = _FULL_BRAKE if self._last is None else self._for_driven_car(control, observation.speed.mps)
         return self._last
 
 

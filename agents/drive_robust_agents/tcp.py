@@ -26,7 +26,8 @@ from drive_robust_agents._nets.inference import Network
 from drive_robust_agents._nets.weights import SHIPPED
 from drive_robust_agents._wrappers import tuning as numbers
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
-from drive_robust_agents._wrappers.pid import Point, WaypointController, capped_throttle
+from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning, capped_throttle
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 from pytest_drive_robust.errors import UnknownNameError
@@ -87,19 +88,15 @@ class Fusion:
 class TCP(LearnedAgent):
     """Three front cameras, raw GPS, compass and speed in; four waypoints, an action, a control out.
 
-    `tuning` is that of `LearnedAgent`.
-
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for unknown modes and for weights that are missing or differ from their manifest.
+    The options after `mode` are those of `LearnedAgent`. Raises `UnknownNameError` for another mode.
     """
 
     consumes = frozenset({"cameras", "gps", "compass", "speed"})
     name = "tcp"
-    architecture = "tcp:TcpNet"
+    network_class = "tcp:TcpNet"
     weights = (SHIPPED / "tcp.safetensors", SHIPPED / "tcp.onnx")
     pictures: ClassVar[Mapping[str, Any]] = {"height_px": _JOINED.shape[0], "width_px": _JOINED.shape[1]}
-    configuration: ClassVar[Mapping[str, str]] = {"mode": "traj", "engine": "onnx", "dtype": "float32"}
+    tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.TCP, "published": numbers.TCP_PUBLISHED}
 
     def __init__(
         self,
@@ -113,7 +110,8 @@ class TCP(LearnedAgent):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        self.mode: Mode = _mode_called(mode)
+        _require_mode(mode)
+        self.mode: Mode = mode
         super().__init__(
             tuning=tuning, engine=engine, device=device, dtype=dtype, threads=threads,
             weights=weights, network=network,
@@ -122,7 +120,7 @@ class TCP(LearnedAgent):
     @classmethod
     def check(cls, **options: Any) -> None:
         """Raise `UsageError` for an unknown mode and for the options that `LearnedAgent.check` refuses."""
-        _mode_called(options.get("mode", "traj"))
+        _require_mode(options.get("mode", "traj"))
         super().check(**options)
 
     def sensors(self) -> Sequence[CameraSpec]:
@@ -132,13 +130,13 @@ class TCP(LearnedAgent):
     def reset(self, route: GlobalPlan, seed: int) -> None:
         """Forget the last episode. The seed is not used: nothing is drawn."""
         super().reset(route, seed)
-        self._numbers = numbers.TCP if self.tuning == "ours" else numbers.TCP_PUBLISHED
-        self._controller, self._fusion = WaypointController(self._numbers), Fusion()
+        self._controller, self._fusion = WaypointController(self.tunings[self.tuning]), Fusion()
         self._coasts = True
 
-    def _look(self, observation: Observation) -> NetworkRow:
-        gps, target = observation.gps, self._target(observation.gps.x_m, observation.gps.y_m)
-        aim, _ = target.seen_from(gps.x_m, gps.y_m, observation.compass.yaw_rad)
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        pose = SensedPose.of(observation)
+        target = self._target(pose.x_m, pose.y_m)
+        aim, _ = target.seen_from(*pose)
         inputs: dict[str, NDArray[Any]] = {
             "image": joined([observation.cameras[camera.name].pixels for camera in CAMERAS]),
             "speed": np.array(observation.speed.mps, dtype=np.float32),
@@ -147,35 +145,32 @@ class TCP(LearnedAgent):
         }
         return NetworkRow(inputs, (aim,))
 
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
         """Return the control of the mode's branch; coast in the first tick of an episode."""
         waypoints = tuple((x, y) for x, y in outputs["waypoints"].tolist())
-        self._planned = PlannedPath(waypoints, targets, waypoints)
+        self._planned = PlannedPath(path=waypoints, target_points=targets, speed_points=waypoints)
         if self._coasts:
             self._coasts = False
             return Control()
         speed_mps = observation.speed.mps
-        control = self._given(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
+        control = self._for_driven_car(self._controller.step(waypoints, speed_mps, targets[0]), speed_mps)
         if self.mode != "traj":
             direct = _direct(outputs["action"].tolist())  # learned from this car's controls, so needs no conversion
             control = direct if self.mode == "ctrl" else self._fusion.merge(control, direct)
-            if self._numbers.full_brake and control.brake > 0.0:
+            if self._controller.tuning.full_brake and control.brake > 0.0:
                 control = Control(control.throttle, control.steer, 1.0)
-            cap = Control(throttle=capped_throttle(self._numbers, speed_mps, control.steer))
-            most = 0.0 if control.brake > 0.5 else self._given(cap, speed_mps).throttle
+            cap = Control(throttle=capped_throttle(self._controller.tuning, speed_mps, control.steer))
+            most = 0.0 if control.brake > 0.5 else self._for_driven_car(cap, speed_mps).throttle
             control = Control(min(control.throttle, most), control.steer, control.brake)
         self._fusion.applied(control.steer)
         return control
 
 
-def _mode_called(name: str) -> Mode:
-    for known in get_args(Mode):
-        if name == known:
-            mode: Mode = known
-            return mode
-    raise UnknownNameError.of("mode of tcp", name, get_args(Mode), hint="As in 'tcp:mode=fused'.")
+def _require_mode(name: str) -> None:
+    if name not in get_args(Mode):
+        raise UnknownNameError.of("mode of tcp", name, get_args(Mode), hint="As in 'tcp:mode=fused'.")
 
 
 def _direct(action: Sequence[float]) -> Control:

@@ -57,17 +57,12 @@ _CENTRES = BevSpec().centres(finer=2)
 class UniAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints clear of what will be occupied, a control out.
 
-    `optimise=False` leaves the plan as the network gives it. `tuning` is that of `LearnedAgent`.
-
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for weights that are missing or differ from their manifest.
+    `optimise=False` leaves the plan as the network gives it. The other options are those of `LearnedAgent`.
     """
 
     name = "uniad"
-    architecture = "uniad:UniadNet"
+    network_class = "uniad:UniadNet"
     weights = (SHIPPED / "uniad.safetensors", SHIPPED / "uniad.onnx")
-    configuration: ClassVar[Mapping[str, object]] = {"engine": "onnx", "dtype": "float32", "optimise": True}
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.UNIAD, "published": numbers.UNIAD_PUBLISHED}
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16), "queries": (24, 64), "spots": (24, 2)}
 
@@ -89,7 +84,7 @@ class UniAD(BevAgent):
         )  # fmt: skip
         self._optimise = optimise
 
-    def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    def _waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         """Return the network's plan, moved off the cells that will be occupied."""
         plan = outputs["waypoints"]
         if not self._optimise or not np.isfinite(plan).all():

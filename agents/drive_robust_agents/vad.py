@@ -40,16 +40,11 @@ __all__ = ["VAD"]
 class VAD(BevAgent):
     """Six cameras, GPS, compass, IMU and speed in; six waypoints for the command, a control out.
 
-    `tuning` is that of `LearnedAgent`.
-
-    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine` is `"onnx"` or
-    `"torch"`; `device`, `dtype` and `threads` are those of `_nets.inference`. `network` replaces the network, for
-    tests. Raises `UsageError` for weights that are missing or differ from their manifest.
+    The options are those of `LearnedAgent`.
     """
 
     name = "vad"
-    architecture = "vad:VadNet"
+    network_class = "vad:VadNet"
     weights = (SHIPPED / "vad.safetensors", SHIPPED / "vad.onnx")
-    configuration: ClassVar[Mapping[str, str]] = {"engine": "onnx", "dtype": "float32"}
     tunings: ClassVar[Mapping[Tuning, WaypointTuning]] = {"ours": numbers.VAD, "published": numbers.VAD_PUBLISHED}
     remembers: ClassVar[Mapping[str, tuple[int, ...]]] = {"bev": (64, 40, 16)}

@@ -39,8 +39,8 @@ def test_each_change_is_in_force_after_every_reset(agent: str, name: str, monkey
     for option, value in change.options.items():
         assert getattr(driven, option) == value
     asked = Control(throttle=0.6, steer=0.3)
-    plain = VARIANTS[agent][0](**change.options)._given(asked, 4.0)
-    given = driven._given(asked, 4.0)
+    plain = VARIANTS[agent][0](**change.options)._for_driven_car(asked, 4.0)
+    given = driven._for_driven_car(asked, 4.0)
     assert given.steer == (asked.steer if change.steers_as_it_is else plain.steer)
     assert given.throttle == (asked.throttle if change.pedals_as_they_are else plain.throttle)
 
@@ -81,7 +81,7 @@ def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatc
         agent = Variant("tcp", change)()
         agent.reset(GlobalPlan(tuple(PlanPoint(0.0, y_m, RoadOption.LANE_FOLLOW) for y_m in (0.0, 99.0))), 0)
         sensed = (Gps(0.0, 30.0, 0), Compass(math.pi, 0), Imu(0.0, 0.0, 0.0, 0), Speed(4.0, 0))
-        rows.append(agent._look(Observation(0, *sensed, pictures)))
+        rows.append(agent._prepare(Observation(0, *sensed, pictures)))
     assert [row.inputs.pop("target").round(3).tolist() for row in rows] == [[69.0, 0.0], [89.0, 0.0]]
     assert str(rows[0].inputs) == str(rows[1].inputs)
 
@@ -95,7 +95,7 @@ def test_a_plan_is_turned_to_the_target_and_keeps_its_lengths(agent: str, plans:
         driven = Variant(agent, change)()
         driven.reset(GlobalPlan(()), 0)
         sensed = (Gps(0.0, 0.0, 0), Compass(0.0, 0), Imu(0.0, 0.0, 0.0, 0), Speed(4.0, 0))
-        driven._follow(Observation(0, *sensed, {}), (target, target), straight)
+        driven._control(Observation(0, *sensed, {}), (target, target), straight)
         for plan in (driven.plan().path, driven.plan().speed_points):
             assert len(plan) in plans.values()
             for k, (ahead, right) in enumerate(plan):

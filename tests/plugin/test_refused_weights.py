@@ -91,7 +91,7 @@ def spoil(file: Path, damage: str, trace: Path) -> str:
         told = listed(foreign)
         relist(file, foreign.read_bytes(), architecture=told["architecture"], spec=told["spec"])
         expected: Any = default_registry().entry("agents", agent).load()
-        own = expected.architecture.partition(":")[2]
+        own = expected.network_class.partition(":")[2]
         return f"{file} holds weights of {told['architecture']}, expected those of {own}"
     if damage.startswith("graph"):
         graph = file.with_suffix(".onnx")

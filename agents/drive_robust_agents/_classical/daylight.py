@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["NightDetector", "lamp_light"]
 
@@ -26,7 +25,7 @@ class NightDetector:
         self._sky: float | None = None
         self._looks = 0
 
-    def see(self, pixels: NDArray[np.uint8]) -> bool:
+    def see(self, pixels: Pixels) -> bool:
         """Return whether the sky is dark. Dead (black) pixels are skipped; a picture of dead pixels changes nothing."""
         if self._sky is None or self._looks % _LOOK_EVERY == 0:
             bright = pixels[_SKY_ROWS, ::_SKY_STEP].max(axis=2)

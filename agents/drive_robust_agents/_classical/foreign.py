@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pytest_drive_robust.jit.arrays import Bytes2, Bytes3, Floats, Floats1, Floats2, Mask2
+from pytest_drive_robust.jit.arrays import Bytes2, Bytes3, Floats, Floats1, Floats2, Mask2, Pixels
 from pytest_drive_robust.jit.kernels import entry
 
 __all__ = ["COLUMN_STEP", "DEAD", "FIRST_ROW", "foreign_by_day", "foreign_by_night", "lowest_foreign"]
 
-Bytes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 FIRST_ROW, COLUMN_STEP = 77, 2
 """First examined row of the picture, just below the horizon, and the step between examined columns."""
@@ -24,7 +21,7 @@ _LEARN, _LEAST_KNOWN = 0.12, 3
 
 
 @entry
-def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Bytes:
+def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Pixels:
     """Return (rows, columns) flags against the asphalt of each row: bit 1 for no ground, bit 2 for a dead pixel.
 
     `pixels` is the whole picture. `asphalt` (rows, 3) is then moved towards the colour of the asphalt-like pixels in
@@ -55,7 +52,7 @@ def foreign_by_day(pixels: Bytes3, patch: Mask2, asphalt: Floats2) -> Bytes:
 
 
 @entry
-def foreign_by_night(pixels: Bytes3, light: Floats2, lit: Mask2, dim: Mask2, paint: Floats1) -> Bytes:
+def foreign_by_night(pixels: Bytes3, light: Floats2, lit: Mask2, dim: Mask2, paint: Floats1) -> Pixels:
     """Return the flags of `foreign_by_day`, against asphalt of colour `paint` in the headlamps; finds lamps beside it.
 
     `light`, `lit` and `dim` (rows, columns) give the light that falls on each place.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._vehicle.mkz import TICK_S
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["Gap"]
 
@@ -37,7 +37,7 @@ class Gap:
         self._scene: NDArray[np.float32] | None = None
         self._moving_px = 0.0
 
-    def open(self, along_m: Floats, pixels: NDArray[np.uint8], ticks: int) -> bool:
+    def open(self, along_m: Floats, pixels: Pixels, ticks: int) -> bool:
         """Return whether the gap is open, from the lane's foreign points (metres ahead) and the picture.
 
         `ticks` have passed since the last call.
@@ -62,7 +62,7 @@ class Gap:
         just_passed = 0.1 < self._since_s < _JUST_S and self._near_s < _SLOW_S
         return (leaves or empty) and (just_passed or self._since_s > _NOBODY_S)
 
-    def _look_far(self, pixels: NDArray[np.uint8]) -> None:
+    def _look_far(self, pixels: Pixels) -> None:
         """Update the mean count of far pixels that differ from the picture of about a second ago."""
         window = pixels[_FAR_ROWS, _FAR_COLUMNS].max(axis=2).astype(np.float32)
         if self._scene is None:

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from drive_robust_agents._classical.corridor import oncoming
 from drive_robust_agents._classical.plan_path import Junction
 from drive_robust_agents._classical.vision import signals
 from pytest_drive_robust import RoadOption
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["FRONT_M", "JunctionRules"]
 
@@ -38,7 +35,7 @@ class JunctionRules:
         self._stopped, self._committed = False, False
 
     def speed(
-        self, pixels: NDArray[np.uint8], bases: Floats, junction: Junction | None, at_m: float,
+        self, pixels: Pixels, bases: Floats, junction: Junction | None, at_m: float,
         speed_mps: float, elapsed_s: float,
     ) -> float:  # fmt: skip
         """Return the highest speed that the rules allow [m/s], infinity when no rule applies here.
@@ -63,7 +60,7 @@ class JunctionRules:
         self._committed = self._gap_ticks >= 2 and to_wait_m < 2.5
         return math.inf if self._gap_ticks >= 2 else _stopping(to_wait_m)
 
-    def _signals(self, pixels: NDArray[np.uint8], to_entry_m: float, speed_mps: float, elapsed_s: float) -> float:
+    def _signals(self, pixels: Pixels, to_entry_m: float, speed_mps: float, elapsed_s: float) -> float:
         """Return the speed that stops before the line while the light is red, and once for a stop sign."""
         if not 0.0 <= to_entry_m < _LOOK_FROM_M:
             return math.inf

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._classical.vision import ground_pixels
-from pytest_drive_robust.jit.arrays import Bytes3, Floats, Floats1, Ints, Ints2
+from pytest_drive_robust.jit.arrays import Bytes3, Floats, Floats1, Ints, Ints2, Pixels
 from pytest_drive_robust.jit.kernels import entry, inner
 
 __all__ = ["LaneTracker"]
@@ -53,7 +52,7 @@ class LaneTracker:
         offset, slope, bend = self._state
         self._state = (offset + slope * travelled_m, slope + bend * travelled_m - turned_rad, bend)
 
-    def see(self, pixels: NDArray[np.uint8], asphalt: Floats) -> None:
+    def see(self, pixels: Pixels, asphalt: Floats) -> None:
         """Correct the lane by the markings of one image.
 
         `asphalt` is the brightness of the road (green, 0..255) at `LaneTracker.FORWARD_M`.
@@ -65,9 +64,7 @@ class LaneTracker:
 
 
 @inner
-def _peak(
-    pixels: NDArray[np.uint8], rows: Ints, columns: Ints, i: int, expected_m: float, least: float
-) -> tuple[float, bool]:
+def _peak(pixels: Pixels, rows: Ints, columns: Ints, i: int, expected_m: float, least: float) -> tuple[float, bool]:
     """Return (metres to the right, whether found) of the strongest marking near its expected place in row `i`."""
     most = columns.shape[1] - 2 * _FLANK - 2 * _REACH - 1
     wanted = math.floor((expected_m + _FARTHEST_M) / _RIGHT_STEP_M - _FLANK + 0.5) - _REACH

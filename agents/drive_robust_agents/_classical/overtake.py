@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drive_robust_agents._classical.gap import Gap
 from drive_robust_agents._vehicle.mkz import TICK_S
-from pytest_drive_robust.jit.arrays import Floats
+from pytest_drive_robust.jit.arrays import Floats, Pixels
 
 __all__ = ["Overtake"]
 
@@ -43,7 +42,7 @@ class Overtake:
         return moved
 
     def update(
-        self, pixels: NDArray[np.uint8], along_m: Floats, right_m: Floats, *, speed_mps: float, ticks: int,
+        self, pixels: Pixels, along_m: Floats, right_m: Floats, *, speed_mps: float, ticks: int,
         allowed: bool,
     ) -> None:  # fmt: skip
         """Update the decision from foreign points in metres along the own lane and to its right.
@@ -65,7 +64,7 @@ class Overtake:
         else:
             self._waited_s = 0.0
 
-    def _wait(self, first_m: float, left_m: Floats, pixels: NDArray[np.uint8], speed_mps: float, ticks: int) -> None:
+    def _wait(self, first_m: float, left_m: Floats, pixels: Pixels, speed_mps: float, ticks: int) -> None:
         """Wait behind a body that does not move, then for a gap in the lane to the left."""
         still = first_m < _BLOCKED_M and speed_mps < _STANDING_MPS and abs(first_m - self._blocked_m) < _MOVED_M
         still = still and not _brakes(pixels)
@@ -84,7 +83,7 @@ class Overtake:
         return self._driven_m > _DRIVEN_M and first_m > _AHEAD_M
 
 
-def _brakes(pixels: NDArray[np.uint8]) -> bool:
+def _brakes(pixels: Pixels) -> bool:
     """Return whether a vehicle right ahead shows brake lamps, and will therefore drive on."""
     ahead = pixels[_LAMPS].astype(np.int16)
     red, green, blue = ahead[:, :, 0], ahead[:, :, 1], ahead[:, :, 2]

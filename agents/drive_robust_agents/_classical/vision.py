@@ -24,12 +24,10 @@ from drive_robust_agents._classical.foreign import (
 )
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.arithmetic.scalars import tan
-from pytest_drive_robust.jit.arrays import Floats, Ints
+from pytest_drive_robust.jit.arrays import Floats, Ints, Pixels
 
 __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
-Bytes = NDArray[np.uint8]
-Mask = NDArray[np.bool_]
 
 CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
 _FOCAL_PX = CAMERA.width_px / 2.0 / tan(math.radians(CAMERA.fov_deg) / 2.0)
@@ -79,7 +77,7 @@ class GroundModel:
             return np.full(len(forward_m), _UNSEEN)
         return np.full(len(forward_m), math.fsum(self._asphalt[-20:, 1].tolist()) / 20.0)
 
-    def bases(self, pixels: Bytes) -> Floats:
+    def bases(self, pixels: Pixels) -> Floats:
         """Return the lowest foreign pixel of each column as (k, 2) metres forward and to the right of the vehicle.
 
         Free columns are left out, and so are columns where dead (black) pixels come first.
@@ -95,7 +93,7 @@ class GroundModel:
         found: Floats = lowest_foreign(foreign, self._depth_m, self._slope, CAMERA.x_m)
         return found
 
-    def _follow_paint(self, image: Bytes) -> None:
+    def _follow_paint(self, image: Pixels) -> None:
         """Update the asphalt's colour in full light from the darker part of the lane; lamps and markings only add."""
         places = (self._patch & self._lit & (image.max(axis=2) > DEAD))[::3, ::2]
         shades = image[::3, ::2][places] / self._light[::3, ::2][places][:, None]
@@ -107,7 +105,7 @@ class GroundModel:
         self._paint = np.clip(self._paint + _LEARN * (mean - self._paint), *_ASPHALT_RANGE)
 
 
-def _first_asphalt(image: Bytes, patch: Mask) -> Floats:
+def _first_asphalt(image: Pixels, patch: NDArray[np.bool_]) -> Floats:
     """Return the median colour of each row's patch; from row to row upwards it changes only as slowly as haze does."""
     medians: Floats = np.array([np.median(image[row][patch[row]], axis=0) for row in range(len(image))])
     medians = np.maximum(medians, 8.0)
@@ -128,7 +126,7 @@ class Signals:
     sign: int
 
 
-def signals(pixels: Bytes) -> Signals:
+def signals(pixels: Pixels) -> Signals:
     """Count the pixels of lamps and stop signs; vehicles stay below the horizon of a high camera."""
     import cv2  # late: the import takes 0.1 s, and a run whose episodes are stored does not need it
 

@@ -28,14 +28,14 @@ _CAN_BUS_UNITS = (10.0, 1.0, 5.0, 5.0, 5.0, 1.0)
 class CameraEncoder(nn.Module):
     """Pictures of all cameras -> image tokens of `width`: (N, C, H, W, 3) uint8 -> (N, C, tokens, width).
 
-    MiniResNet(48, 96; stem 32, stride 4) gives maps of stride 8 and 16. The coarse map is added to the fine map, as in
+    MiniResNet(48, 96; stem 32) gives maps of stride 8 and 16. The coarse map is added to the fine map, as in
     the published feature pyramid, because at stride 16 the ground from 10 m to the horizon is a single token high.
     """
 
     def __init__(self, spec: BevSpec) -> None:
         super().__init__()
         self.normalise = ImageNorm()
-        self.net = MiniResNet((48, 96), stem=32, stride=4)
+        self.net = MiniResNet((48, 96), stem=32)
         self.fine = nn.Conv2d(48, spec.width, 1)
         self.coarse = nn.Conv2d(96, spec.width, 1)
         tokens = (spec.image_height_px // spec.token_px) * (spec.image_width_px // spec.token_px)

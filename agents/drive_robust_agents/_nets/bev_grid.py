@@ -68,11 +68,11 @@ class BevSpec:
         y = self.aside_m * arrays.sinh(self.bend * aside) / scalars.sinh(self.bend)
         return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).astype(np.float32)
 
-    def sizes(self, *, finer: int = 1) -> Floats32:
-        """Return the length and width (rows * finer, columns * finer, 2) of the cells [m]."""
-        edges = arrays.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns * finer + 1)) / scalars.sinh(self.bend)
+    def sizes(self) -> Floats32:
+        """Return the length and width (rows, columns, 2) of the cells [m]."""
+        edges = arrays.sinh(self.bend * np.linspace(-1.0, 1.0, self.columns + 1)) / scalars.sinh(self.bend)
         width = self.aside_m * np.diff(edges)
-        length = np.full(self.rows * finer, (self.behind_m + self.ahead_m) / (self.rows * finer))
+        length = np.full(self.rows, (self.behind_m + self.ahead_m) / self.rows)
         return np.stack(np.meshgrid(length, width, indexing="ij"), axis=-1).astype(np.float32)
 
 

@@ -9,10 +9,12 @@ from drive_robust_agents._nets.attention import PointEncoding
 from drive_robust_agents._nets.bev import BevEncoder
 from drive_robust_agents._nets.bev_grid import BevSpec
 
-__all__ = ["DENSE_CHANNELS", "BevNet"]
+__all__ = ["DENSE_CHANNELS", "LANE_CLASSES", "BevNet"]
 
-DENSE_CHANNELS = 8
-"""Number of labels of a cell: two kinds of bodies and six of lines, as in `training.recipes.dense.CHANNELS`."""
+LANE_CLASSES = ("route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
+"""The kinds of lines of the map, in the order of `lane_kind` (`training.data.perception`)."""
+DENSE_CHANNELS = ("vehicle", "other", *LANE_CLASSES)
+"""The labels of a cell: two kinds of bodies, and lines."""
 
 
 class BevNet(nn.Module):

@@ -49,13 +49,12 @@ class ImageNorm(nn.Module):
 class ConvBnRelu(nn.Module):
     """Convolution (no bias), batch normalisation, optional ReLU: (N, C, H, W) -> (N, out, H / stride, W / stride).
 
-    The padding is "same" for odd kernels; a kernel as large as its stride cuts the image into patches.
+    Kernels are odd, the padding is "same".
     """
 
     def __init__(self, inputs: int, outputs: int, *, kernel: int = 3, stride: int = 1, relu: bool = True) -> None:
         super().__init__()
-        padding = 0 if kernel == stride else kernel // 2
-        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, padding, bias=False)
+        self.conv = nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False)
         self.norm: nn.Module = nn.BatchNorm2d(outputs)
         self.relu: nn.Module = nn.ReLU(inplace=True) if relu else nn.Identity()
 
@@ -103,17 +102,17 @@ class BasicBlock(nn.Module):
 
 
 class MiniResNet(nn.Module):
-    """A stem convolution, then one `BasicBlock` of stride 2 per width.
+    """A stem convolution (5x5, stride 4), then one `BasicBlock` of stride 2 per width.
 
-    (N, 3, H, W) -> (N, widths[-1], H / total_stride, W / total_stride). A stem of stride 4 has a 5x5 kernel, one of
-    stride 2 a 3x3 kernel; depth-wise convolutions are slower on the processors that this is made for.
+    (N, 3, H, W) -> (N, widths[-1], H / total_stride, W / total_stride). Depth-wise convolutions are slower on the
+    processors that this is made for.
     """
 
-    def __init__(self, widths: Sequence[int], stem: int = 32, stride: int = 4) -> None:
+    def __init__(self, widths: Sequence[int], *, stem: int) -> None:
         super().__init__()
         self.channels = widths[-1]
-        self.total_stride = stride * 2 ** len(widths)
-        self.stem = ConvBnRelu(3, stem, kernel=5 if stride == 4 else 3, stride=stride)
+        self.total_stride = 4 * 2 ** len(widths)
+        self.stem = ConvBnRelu(3, stem, kernel=5, stride=4)
         inputs = (stem, *widths[:-1])
         self.blocks = nn.Sequential(*(BasicBlock(i, o, stride=2) for i, o in zip(inputs, widths, strict=True)))
 

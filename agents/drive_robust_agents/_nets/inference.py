@@ -19,21 +19,16 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets import require
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.answer import GENERATE, answer_and_drive
+from drive_robust_agents._nets.engine_options import device_of, require_possible
 from drive_robust_agents._nets.manifest import WeightsEntry
-from pytest_drive_robust.errors import UsageError, did_you_mean
+from pytest_drive_robust.errors import UsageError
 
-__all__ = ["ENGINES", "ROWS", "Engine", "LoadedNetwork", "Network"]
+__all__ = ["ROWS", "Engine", "LoadedNetwork", "Network"]
 
 ROWS = 4
 """Rows of a batch. One size for all batches keeps the order in which the sums of a matrix product are added."""
-
-ENGINES: Mapping[str, tuple[str, ...]] = {"onnx": ("onnxruntime", "numpy"), "torch": ("torch", "numpy")}
-"""The packages whose versions decide the bits of a network, by engine."""
-
-_TYPES = ("float32", "bfloat16", "float16")
 
 _Arrays = Mapping[str, NDArray[Any]]
 
@@ -59,7 +54,7 @@ class _NetworkKey:
     """The key of a loaded network; `content` are the digests of its files."""
 
     name: str
-    network: str
+    network_class: str
     engine: str
     device: str
     dtype: str
@@ -78,7 +73,7 @@ class LoadedNetwork:
     def of(
         cls,
         name: str,
-        network: str,
+        network_class: str,
         *,
         engine: str = "onnx",
         device: str = "cpu",
@@ -88,20 +83,20 @@ class LoadedNetwork:
     ) -> LoadedNetwork:
         """Return the network of an agent; equal arguments give one shared object per process.
 
-        `network` is the module and the class of the network, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime, on a
-        CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. A `dtype` other than
-        `"float32"` computes with torch's automatic mixed precision and is meant for CUDA; processors without
+        `network_class` is the module and the class of the network, `"tcp:TcpNet"`. `engine` is `"onnx"` (ONNX Runtime,
+        on a CPU) or `"torch"`. `device` is `"cpu"`, `"auto"` or, with torch, `"cuda"` or `"cuda:1"`. A `dtype` other
+        than `"float32"` computes with torch's automatic mixed precision and is meant for CUDA; processors without
         instructions for that type are many times slower. `weights` is None for the shipped weights, or a file with its
         `manifest.json` beside it. Raises `UsageError` for refused weights, and for an engine, device or dtype that this
         machine lacks.
         """
-        _require_possible(engine, dtype, threads)
+        require_possible(engine, dtype, threads)
         _, entry = store.locate(name, weights)
         key = _NetworkKey(
             name,
-            network,
+            network_class,
             engine,
-            _device(device, engine),
+            device_of(device, engine),
             dtype,
             threads,
             None if weights is None else Path(weights).absolute(),
@@ -114,7 +109,7 @@ class LoadedNetwork:
     def check(
         cls,
         name: str,
-        network: str,
+        network_class: str,
         *,
         engine: str = "onnx",
         dtype: str = "float32",
@@ -122,16 +117,11 @@ class LoadedNetwork:
         weights: str | Path | None = None,
     ) -> None:
         """Raise the `UsageError` that `of` would raise, devices aside: verify the files, make no network."""
-        _require_possible(engine, dtype, threads)
+        require_possible(engine, dtype, threads)
         path, entry = store.locate(name, weights)
-        store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_class_of(network))
+        store.tensors_of(path, entry, store.verified_bytes(path, entry), architecture=_architecture_of(network_class))
         for graph in entry.graphs.values():
             store.verified_graph(path, entry, graph)
-
-    @property
-    def label(self) -> str:
-        """The label of the weights in results: `name@version:sha8`."""
-        return self.entry.label
 
     def run(self, method: str = "forward", /, **inputs: NDArray[Any]) -> dict[str, NDArray[Any]]:
         """Run the network on rows of inputs (each array with the rows as its first axis).
@@ -162,14 +152,14 @@ def _made(key: _NetworkKey) -> LoadedNetwork:
         from drive_robust_agents._nets.torch_engine import TorchEngine
         from drive_robust_agents._nets.torch_weights import load
 
-        module, _, cls = key.network.partition(":")
+        module, _, cls = key.network_class.partition(":")
         build = getattr(import_module(f"{__package__}.{module}"), cls).build
         net, entry = load(key.name, build, weights=key.file)
         engine = TorchEngine(net, device=key.device, dtype=key.dtype, threads=key.threads)
     else:
         from drive_robust_agents._nets.onnx_engine import OnnxEngine
 
-        engine = OnnxEngine(path, entry, architecture=_class_of(key.network), threads=key.threads)
+        engine = OnnxEngine(path, entry, architecture=_architecture_of(key.network_class), threads=key.threads)
     return LoadedNetwork(entry, engine)
 
 
@@ -177,8 +167,9 @@ def _digests(entry: WeightsEntry) -> tuple[str, ...]:
     return (entry.sha256, *(graph.sha256 for graph in entry.graphs.values()))
 
 
-def _class_of(network: str) -> str:
-    return network.partition(":")[2]
+def _architecture_of(network_class: str) -> str:
+    """Return the name by which manifests know a class such as `"tcp:TcpNet"`: `"TcpNet"`."""
+    return network_class.partition(":")[2]
 
 
 def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
@@ -186,46 +177,3 @@ def _chunk(inputs: _Arrays, begin: int) -> dict[str, NDArray[Any]]:
     rows = len(next(iter(inputs.values())))
     places = np.minimum(np.arange(begin, begin + ROWS), rows - 1)
     return {name: value[places] for name, value in inputs.items()}
-
-
-def _require_possible(engine: str, dtype: str, threads: int) -> None:
-    """Raise `UsageError` for an impossible engine, dtype or thread number, and when torch is needed but missing."""
-    _one_of("engine", engine, tuple(ENGINES))
-    _one_of("dtype", dtype, _TYPES)
-    if threads < 1 or (engine == "onnx" and dtype != "float32"):
-        raise UsageError(
-            f"threads={threads} with engine={engine!r}, dtype={dtype!r}: expected float32 and 1 or more; "
-            "engine='torch' has mixed precision."
-        )
-    if engine == "torch":
-        require("torch", extra="torch")
-
-
-def _one_of(what: str, given: str, known: tuple[str, ...]) -> None:
-    if given not in known:
-        names = ", ".join(map(repr, known))
-        raise UsageError(f"{what}={given!r}: expected one of {names}.{did_you_mean(given, known)}")
-
-
-def _device(given: str, engine: str) -> str:
-    """Return the device of that name. Raises `UsageError` when this machine has none."""
-    if engine == "onnx":
-        if given not in ("auto", "cpu"):
-            raise UsageError(
-                f"device={given!r} with engine='onnx': expected 'cpu' or 'auto'; engine='torch' computes on CUDA."
-            )
-        return "cpu"
-    import torch
-
-    if given == "auto":
-        return "cuda" if torch.cuda.is_available() else "cpu"
-    try:
-        kind = torch.device(given).type
-    except RuntimeError:
-        kind = ""
-    if kind not in ("cpu", "cuda") or (kind == "cuda" and not torch.cuda.is_available()):
-        raise UsageError(
-            f"device={given!r} with engine={engine!r}: expected 'cpu', 'auto', or with a CUDA build of torch and a "
-            f"device that it sees 'cuda' (torch {torch.__version__} sees {torch.cuda.device_count()})."
-        )
-    return given

@@ -27,7 +27,11 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 
 __all__ = [
     "ANSWER_SLOTS",
+    "DRIVING",
+    "PHRASES",
     "PROMPT_SLOTS",
+    "QUESTION",
+    "THINGS",
     "Instruction",
     "Kind",
     "answer_row",
@@ -81,6 +85,7 @@ PHRASES: Mapping[Kind, tuple[str, ...]] = {
     Kind.OFF_LEFT: ("leave the road to the left", "drive onto the sidewalk left"),
     Kind.OFF_RIGHT: ("leave the road to the right", "drive onto the sidewalk right"),
 }
+"""The wordings of each kind of instruction: `{v}` is a speed, `{thing}` one of `THINGS`."""
 THINGS = ("vehicle", "pedestrian", "bicycle", "obstacle")
 
 

@@ -57,7 +57,7 @@ class TcpNet(nn.Module):
         super().__init__()
         self.spec = spec
         self.norm = ImageNorm()
-        self.encoder = MiniResNet(spec.widths, spec.stem, 4)
+        self.encoder = MiniResNet(spec.widths, stem=spec.stem)
         channels, stride = self.encoder.channels, self.encoder.total_stride
         self.cells = (spec.height_px // stride) * (spec.width_px // stride)
         self.pooled = nn.Linear(channels, spec.feature)

@@ -20,6 +20,8 @@ from drive_robust_agents._nets.uniad_heads import FirstLayer, LaneHead, MapView,
 __all__ = ["Perceived", "UniadNet", "UniadSpec", "move"]
 
 _BESIDE_PEAK = 0.25
+_HEAT = len(DENSE_CHANNELS)
+"""The output of a cell that is the logit of an agent's centre, behind those of its labels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ class UniadNet(BevNet):
         self.spec = spec
         width, bev = spec.bev.width, spec.bev
         self.overview = ConvBnRelu(width, width, stride=2)
-        self.dense = nn.Linear(width, DENSE_CHANNELS + 4)
+        self.dense = nn.Linear(width, _HEAT + 4)
         self.track = TrackHead(width, spec.heads, spec.agents)
         self.lane = LaneHead(width, spec.heads, spec.lanes)
         self.motion = UniadMotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
@@ -118,15 +120,15 @@ class UniadNet(BevNet):
         now, front = self.look(images, can_bus)
         unmoved = can_bus.new_zeros(can_bus.shape[0], 3)
         cells, told, view = self._survey(self.encoder.fusion(now, torch.zeros_like(now), unmoved))
-        return {"bev": now, **memory_of(self._begin(cells, told[..., DENSE_CHANNELS], view, front))}
+        return {"bev": now, **memory_of(self._begin(cells, told[..., _HEAT], view, front))}
 
     def perceive(self, fused: Tensor, front: Tensor, old: PriorAgents) -> Perceived:
         """Find agents and lanes on the fused map."""
         cells, told, view = self._survey(fused)
-        heat = told[..., DENSE_CHANNELS]
+        heat = told[..., _HEAT]
         begun = self._begin(cells, heat, view, front)
         tracks = self.track(begun, view, old)
-        return Perceived(cells, view, told[..., :DENSE_CHANNELS], heat, begun, tracks, *self.lane(cells, view))
+        return Perceived(cells, view, told[..., :_HEAT], heat, begun, tracks, *self.lane(cells, view))
 
     def foresee(self, seen: Perceived) -> Motions:
         """Predict the motions of agents and the ego. Boxes give the starts, but get no gradient from the motions."""

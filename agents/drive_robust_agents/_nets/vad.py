@@ -58,7 +58,7 @@ class VadNet(BevNet):
         self.lane_net = Mlp(2 * width, width, width)
         self.motion = VadMotionHead(width, spec.heads, modes=spec.modes, steps=spec.steps)
         self.planner = PlanHead(width, spec.heads, commands=_COMMANDS, steps=spec.steps, sees_bev=spec.ego_sees_bev)
-        self.dense = nn.Linear(width, DENSE_CHANNELS)
+        self.dense = nn.Linear(width, len(DENSE_CHANNELS))
         self.register_buffer("sizes", torch.from_numpy(spec.bev.sizes()).flatten(0, 1), persistent=False)
 
     @classmethod

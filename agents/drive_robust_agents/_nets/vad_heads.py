@@ -10,11 +10,11 @@ import torch
 from torch import Tensor, nn
 
 from drive_robust_agents._nets.attention import Attention, CrossLayer, DecoderLayer, PointEncoding
+from drive_robust_agents._nets.bev_net import LANE_CLASSES
 from drive_robust_agents._nets.blocks import Mlp, mostly_nothing
 
-__all__ = ["LANE_CLASSES", "AgentHead", "MapHead", "PlanHead", "VadMotionHead"]
+__all__ = ["AgentHead", "MapHead", "PlanHead", "VadMotionHead"]
 
-LANE_CLASSES = ("route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
 _STEP_M, _NEAR_M, _SPEED_MPS = 4.0, 8.0, 8.0
 
 

@@ -1,1 +1,1 @@
-"""The modules of the planner behind the privileged agents `expert` and `reactive`."""
+"""The planner behind `expert`, step by step; `reactive` and `blind` use its `control` and `projection`."""

@@ -14,7 +14,7 @@ from pytest_drive_robust.arithmetic.signals import moving_sum
 from pytest_drive_robust.domain.truth import EgoState
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["Floats", "pedals", "speed_profile", "steer_along"]
+__all__ = ["pedals", "speed_profile", "steer_along"]
 
 _SETTLE_M, _SETTLE_S = 2.0, 0.45
 

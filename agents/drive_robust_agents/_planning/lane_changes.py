@@ -30,7 +30,7 @@ class LaneChanges:
     """The lane changes of the route in order; each begins as soon as it is free."""
 
     def __init__(self, scene: StaticScene) -> None:
-        self._scene = scene
+        self.scene = scene
         self._left = [change for change in scene.changes if change.last - change.first > _SHORT_WINDOW_M]
         self._settled = np.zeros(scene.count)
         self.busy_until_row = self._ends_row = -1.0
@@ -67,9 +67,9 @@ class LaneChanges:
         change = self.pending
         if change is None or row < max(change.first - 30.0, change.start - _EARLY_M):
             return None
-        at = project_all(self._scene.route, int(row - _BESIDE_M), int(row + _BESIDE_M), traffic.boxes)
-        rows = np.clip(at[:, 0], 0, self._scene.count - 1).astype(int)
-        heading = self._scene.cosines[rows], self._scene.sines[rows]
+        at = project_all(self.scene.route, int(row - _BESIDE_M), int(row + _BESIDE_M), traffic.boxes)
+        rows = np.clip(at[:, 0], 0, self.scene.count - 1).astype(int)
+        heading = self.scene.cosines[rows], self.scene.sines[rows]
         along = traffic.boxes[:, box.COS] * heading[0] + traffic.boxes[:, box.SIN] * heading[1] > 0.8
         beside = np.abs(at[:, 1] - change.new[rows]) < 1.5
         close = np.abs(at[:, 0] - row) < _BESIDE_M
@@ -81,11 +81,11 @@ class LaneChanges:
         change = self.pending
         if change is None:
             return self._settled
-        rows = self._scene.rows
+        rows = self.scene.rows
         return np.where((rows >= change.start) & (rows <= change.last), change.old, self._settled)
 
     def _changed(self, change: Change, start: float, end: float) -> Floats:
-        rows = self._scene.rows
+        rows = self.scene.rows
         share = blend(rows, start, end)
         within = (rows >= change.first) & (rows <= change.last)
         changed = (1.0 - share) * np.where(rows < change.start, self._settled, change.old) + share * change.new

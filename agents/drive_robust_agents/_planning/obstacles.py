@@ -8,6 +8,7 @@ import numpy as np
 
 from drive_robust_agents._planning import columns as box
 from drive_robust_agents._planning.lateral import blend, shift_length_m
+from drive_robust_agents._planning.projection import nearest_row
 from drive_robust_agents._planning.static_scene import StaticScene
 from drive_robust_agents._planning.traffic import Traffic
 from pytest_drive_robust.domain.truth import ActorKind
@@ -86,17 +87,12 @@ def _in_the_way(
     row: float, half_ego_m: float,
 ) -> Floats:  # fmt: skip
     """Return the things that block the lane or stand beside it, in the order of `boxes`, with columns as `_AT`."""
-    first, last = max(0, min(int(row) - 10, len(route) - 1)), max(1, min(int(row + _LOOK_M) + 25, len(route)))
+    first, last = int(row) - 10, int(row + _LOOK_M) + 25
     count, found = 0, np.empty((len(boxes), 6))
     for i in range(len(boxes)):
         if boxes[i, box.SPEED] >= _CRAWL_MPS or boxes[i, box.ACCEL] >= _STARTS_MPS2 or kinds[i] == _PEDESTRIAN:
             continue
-        best, k = 1e18, first
-        for other in range(first, last):
-            dx, dy = boxes[i, box.X] - route[other, 0], boxes[i, box.Y] - route[other, 1]
-            d = dx * dx + dy * dy
-            if d < best:
-                best, k = d, other
+        k = nearest_row(route, first, last, boxes[i, box.X], boxes[i, box.Y])
         dx, dy = boxes[i, box.X] - route[k, 0], boxes[i, box.Y] - route[k, 1]
         at, right = k + dx * cosines[k] + dy * sines[k], dy * cosines[k] - dx * sines[k]
         k = int(min(max(at, 0.0), len(route) - 1.0))
@@ -181,5 +177,10 @@ def _pass(
     out, home = blend(rows, start, done), blend(rows, until, until + back)
     shift = (right_m + (hold_m - right_m) * out) * (1.0 - home)
     return Pass(
-        shift, hold_m, start, ahead.first_row - scene.half_length_m - 1.0, until + back, beside and not same_way
+        shift=shift,
+        hold_m=hold_m,
+        starts_row=start,
+        beside_row=ahead.first_row - scene.half_length_m - 1.0,
+        ends_row=until + back,
+        oncoming=beside and not same_way,
     )

@@ -9,17 +9,17 @@ import numpy as np
 from drive_robust_agents._planning import columns as box
 from pytest_drive_robust.arithmetic.compiled import cos, sin
 from pytest_drive_robust.jit.arrays import Floats, Floats2, Floats3, Ints, Ints1
-from pytest_drive_robust.jit.kernels import entry
+from pytest_drive_robust.jit.kernels import entry, inner
 
-__all__ = ["crossed_junctions", "leaders", "nearest_ahead", "project", "project_all"]
+__all__ = ["crossed_junctions", "leaders", "nearest_ahead", "nearest_row", "project", "project_all"]
 
 _AHEAD_M = 70
 _SAME_LANE_M = 1.7
 
 
-@entry
-def project(line: Floats2, first: int, last: int, x: float, y: float) -> tuple[float, float]:
-    """Return (row, metres to the right) of the nearest place among the rows `first`..`last` of a line (n, >=3)."""
+@inner
+def nearest_row(line: Floats, first: int, last: int, x: float, y: float) -> int:
+    """Return the row whose place is nearest, among the rows `first` to before `last` of a line (n, >=2)."""
     first, last = max(0, min(first, len(line) - 1)), max(1, min(last, len(line)))
     best, at = 1e18, first
     for k in range(first, last):
@@ -27,6 +27,13 @@ def project(line: Floats2, first: int, last: int, x: float, y: float) -> tuple[f
         d = dx * dx + dy * dy
         if d < best:
             best, at = d, k
+    return at
+
+
+@entry
+def project(line: Floats2, first: int, last: int, x: float, y: float) -> tuple[float, float]:
+    """Return (row, metres to the right) of a place on a line (n, >=3), at the nearest row as `nearest_row`."""
+    at = nearest_row(line, first, last, x, y)
     c, s = cos(line[at, 2]), sin(line[at, 2])
     dx, dy = x - line[at, 0], y - line[at, 1]
     return at + dx * c + dy * s, dy * c - dx * s
@@ -74,14 +81,8 @@ def leaders(path: Floats2, s0: float, actors: Floats2) -> Ints:
     """
     found = np.zeros(len(actors), dtype=np.int64)
     row = int(max(s0, 0.0))
-    first, last = max(0, min(row - 5, len(path) - 1)), max(1, min(row + 80, len(path)))
     for i in range(len(actors)):
-        best, k = 1e18, first
-        for other in range(first, last):
-            dx, dy = actors[i, box.X] - path[other, 0], actors[i, box.Y] - path[other, 1]
-            d = dx * dx + dy * dy
-            if d < best:
-                best, k = d, other
+        k = nearest_row(path, row - 5, row + 80, actors[i, box.X], actors[i, box.Y])
         dx, dy = actors[i, box.X] - path[k, 0], actors[i, box.Y] - path[k, 1]
         ahead, right = k + dx * path[k, 3] + dy * path[k, 4] - s0, dy * path[k, 3] - dx * path[k, 4]
         same_way = path[k, 3] * actors[i, box.COS] + path[k, 4] * actors[i, box.SIN] > 0.8

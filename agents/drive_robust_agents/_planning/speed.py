@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from drive_robust_agents._planning.forecast import rollouts
-from drive_robust_agents._planning.lateral import path_of
 from drive_robust_agents._planning.projection import leaders
-from drive_robust_agents._planning.right_of_way import RightOfWay
-from drive_robust_agents._planning.static_scene import StaticScene
-from drive_robust_agents._planning.traffic import Traffic
-from drive_robust_agents._vehicle.mkz import TICK_S
+from drive_robust_agents._planning.situation import Situation
+from drive_robust_agents._planning.tracks import STEP_S
 from pytest_drive_robust.jit.arrays import Floats, Ints
 
-__all__ = ["Situation", "SpeedChoice", "is_free"]
+__all__ = ["SpeedChoice", "is_free"]
 
 _START_MARGINS = np.array([1.2, 0.7, 0.5])
 
@@ -52,43 +48,20 @@ _LEFT_ALONE_S = 0.5
 _NO_JUNCTIONS = np.zeros((0, 2))
 
 
-@dataclass(frozen=True, slots=True)
-class Situation:
-    """The data that all decisions of one tick share.
+def is_free(
+    now: Situation, profile: Floats, until_row: float, *, within_s: float = math.inf, room_s: float = 0.0
+) -> bool:
+    """Return whether a profile can be driven up to a row, or for `within_s` seconds, without hindering others much.
 
-    The ego is `right_m` metres to the right of the route at `row` and drifts `drift` metres to the right per metre of
-    route. The last decisions were `elapsed_s` ago. The ego leaves actors whose way it crosses `room_s` more than
-    needed, until it has waited for long.
-    """
-
-    scene: StaticScene
-    traffic: Traffic
-    right_of_way: RightOfWay
-    row: float
-    right_m: float
-    drift: float
-    speed_mps: float
-    stop_row: float
-    elapsed_s: float = TICK_S
-    room_s: float = 0.0
-
-    def path(self, profile: Floats) -> Floats:
-        """Return the path from where the ego is onto a profile: see `lateral.path_of`."""
-        return path_of(self.scene, profile, self.row, self.right_m, speed_mps=self.speed_mps, drift=self.drift)
-
-
-def is_free(now: Situation, path: Floats, until_row: float, *, within_s: float = math.inf, room_s: float = 0.0) -> bool:
-    """Return whether a path can be driven up to a row, or for `within_s` seconds, without hindering others much.
-
-    Actors whose way the path crosses get `room_s` more than they need.
+    Actors whose way the ego crosses get `room_s` more than they need.
     """
     plans = _MANOEUVRES if now.speed_mps > 4.0 else _STARTS
     traffic, scene = now.traffic, now.scene
     nobody = np.zeros(len(traffic.boxes), dtype=np.int64)
     margins = _with_room(_MARGINS if now.speed_mps > 4.0 else _START_MARGINS, room_s)
     found, driven = rollouts(
-        path, now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans, scene.limits,
-        _NO_JUNCTIONS, now.stop_row, margins, _FOLLOWER_BRAKES_MPS2, traffic.forecast.shape[1] - 1,
+        now.path(profile), now.row, now.speed_mps, scene.size, traffic.forecast, traffic.boxes, nobody, plans,
+        scene.limits, _NO_JUNCTIONS, now.stop_row, margins, _FOLLOWER_BRAKES_MPS2, traffic.forecast.shape[1] - 1,
     )  # fmt: skip
     return bool(np.any((found >= within_s - 1e-9) | (now.row + driven >= until_row)))
 
@@ -117,22 +90,14 @@ class SpeedChoice:
         limit = min(float(scene.limits[scene.index(now.row + 0.3 * v)]), max(cruise_mps, 3.0))
         trial = _SpeedTrial(now, path, stop_row, pushy=self._pushing, hurry=hurry)
         hurry = trial.hurry
-        comfort = _HURRY_ACCEL_MPS2 if hurry else _COMFORT_ACCEL_MPS2
-        wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         followed = trial.is_pressed(_FALL_BACK)
         pressed = followed and trial.is_pressed(_STEADY)
-        if pressed:
-            comfort = _HURRY_ACCEL_MPS2
-            wanted = min(max(1.2 * (limit - v), -2.5), comfort)
+        comfort = _HURRY_ACCEL_MPS2 if hurry or pressed else _COMFORT_ACCEL_MPS2
+        wanted = min(max(1.2 * (limit - v), -2.5), comfort)
         if trial.survives(wanted):
             return wanted
-        for margins, wary in trial.tiers:
-            if wary and followed:
-                continue
-            free = trial.seconds(margins, wary=wary)
-            if free.max() >= trial.horizon_s - 1e-9:
-                break
-        safe = _ACCELERATIONS[free >= trial.horizon_s - 1e-9]
+        free, wary = trial.freest(never_wary=followed)
+        safe = _ACCELERATIONS[free >= trial.whole_s]
         if len(safe) == 0:
             lost = free.max() <= _LEFT_ALONE_S and not hurry
             return -8.0 if lost else float(_ACCELERATIONS[int(np.argmax(free))])
@@ -145,32 +110,44 @@ class SpeedChoice:
 
 
 class _SpeedTrial:
-    """Tries plans on one path at one moment."""
+    """Tries plans on one path at one moment. A plan without trouble for `whole_s` is free of trouble."""
 
     def __init__(self, now: Situation, path: Floats, stop_row: float, *, pushy: bool, hurry: bool) -> None:
         traffic = now.traffic
         self.now, self.path, self.stop_row = now, path, stop_row
         self.leads = leaders(path, now.row, traffic.boxes)
         self.junctions = now.right_of_way.keep_clear(now.scene, traffic, path, self.leads)
-        self.horizon_s = 0.2 * _HORIZON_STEPS
+        self.whole_s = STEP_S * _HORIZON_STEPS - 1e-9
         front, rear = now.row + now.scene.half_length_m, now.row - now.scene.half_length_m
         inside = any(first + 0.5 < front and rear < last for first, last in self.junctions.tolist())
         self.hurry = hurry or inside
         # inside a junction smaller margins apply, because stopping among crossing traffic helps nobody
         first = _TIGHT_MARGINS if inside else _with_room(_MARGINS, 0.0 if pushy else now.room_s)
-        self.tiers: tuple[tuple[Floats, bool], ...] = (
+        self._tiers: tuple[tuple[Floats, bool], ...] = (
             (first, True),
             (first, False),
             (_TIGHT_MARGINS, True),
             (_TIGHT_MARGINS, False),
         )
         if pushy:
-            self.tiers += ((_LEAST_MARGINS, False),)
+            self._tiers += ((_LEAST_MARGINS, False),)
+
+    def freest(self, *, never_wary: bool) -> tuple[Floats, bool]:
+        """Return (`seconds`, whether leaders may brake hard) of the first tier with a plan without trouble.
+
+        If there is none, return those of the last tier. `never_wary` skips tiers in which leaders may brake hard.
+        """
+        tiers = [(margins, wary) for margins, wary in self._tiers if not (wary and never_wary)]
+        for margins, wary in tiers:
+            free = self.seconds(margins, wary=wary)
+            if free.max() >= self.whole_s:
+                break
+        return free, wary
 
     def survives(self, acceleration: float) -> bool:
         """Return whether the ego can still stop after driving on at `acceleration` for a moment."""
         plan = np.array([[acceleration, _REACT_S, min(acceleration, _COMFORT_BRAKE_MPS2)]])
-        return bool(self._roll(plan, self.tiers[0][0], self.leads)[0] >= self.horizon_s - 1e-9)
+        return bool(self._roll(plan, self._tiers[0][0], self.leads)[0] >= self.whole_s)
 
     def is_pressed(self, plan: Floats) -> bool:
         """Return whether a follower would have to brake for an ego that drives this plan."""

@@ -66,14 +66,13 @@ class Change:
     """A lane change that the route asks for.
 
     Between the rows `first` and `last` both lanes run side by side. `old` and `new` (n,) are metres from the route to
-    the centre of the old lane and of the new lane, at each row of the route. The route itself changes lanes from row
-    `start` to row `end`.
+    the centre of the old lane and of the new lane, at each row of the route. The route itself begins to change lanes at
+    row `start`.
     """
 
     first: int
     last: int
     start: int
-    end: int
     old: Floats
     new: Floats
 
@@ -173,12 +172,10 @@ class StaticScene:
             first -= 1
         while last < self.count - 1 and both[last + 1]:
             last += 1
-        start, end = k, k
+        start = k
         while start > first and abs(offsets[0][start]) > 0.15:
             start -= 1
-        while end < last and abs(offsets[1][end]) > 0.15:
-            end += 1
-        return Change(first, last, start, end, np.nan_to_num(offsets[0]), np.nan_to_num(offsets[1]))
+        return Change(first, last, start, np.nan_to_num(offsets[0]), np.nan_to_num(offsets[1]))
 
     def _offsets(self, k: int, lane: int) -> Floats:
         """Return metres to the right of the route of the centre line through `lane`; NaN where it is not beside."""

@@ -13,10 +13,9 @@ from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.jit.arrays import Floats, Floats2, Ints
 from pytest_drive_robust.jit.kernels import entry
 
-__all__ = ["HORIZON_S", "Traffic"]
+__all__ = ["Traffic"]
 
-HORIZON_S = 12.0
-_STEPS = round(HORIZON_S / STEP_S)
+_STEPS = round(12.0 / STEP_S)
 _RANGE_M = 160.0
 _HARD_MPS2 = 1.5
 _LEAST_MPS2, _MOST_MPS2 = 0.3, 8.0
@@ -28,7 +27,7 @@ _SPEED, _LENGTH, _WIDTH = WorldState.SPEED, WorldState.LENGTH, WorldState.WIDTH
 class Traffic:
     """The other actors of this moment, one row each in every array.
 
-    `boxes` (k, 9) has the columns of `columns`; `kinds`, `ids` (k,); `stood_s` (k,) seconds without moving;
+    `boxes` (k, 9) has the columns of `columns`; `kinds` (k,); `stood_s` (k,) seconds without moving;
     `forecast` (k, steps, 6) comes from `tracks.tracks`. An actor that accelerates hard has a second row at constant
     speed, because it may stop accelerating.
     """
@@ -37,7 +36,6 @@ class Traffic:
         self._memory: Floats = np.zeros((0, 2))
         self.boxes: Floats = np.zeros((0, box.COLUMNS))
         self.kinds: Ints = np.zeros(0, dtype=np.int64)
-        self.ids: Ints = np.zeros(0, dtype=np.int64)
         self.stood_s: Floats = np.zeros(0)
         self.forecast: Floats = np.zeros((0, 2, 6))
 
@@ -46,7 +44,7 @@ class Traffic:
         actors = np.array(world.actors, np.float64)  # kernels are compiled anew for arrays that are read-only
         looked = _look(actors, world.ego.x_m, world.ego.y_m, self._memory, elapsed_s)
         self._memory, self.boxes, self.stood_s, about = looked
-        self.kinds, self.ids, follows = about
+        self.kinds, follows = about
         self.forecast = tracks(
             self.boxes, follows, graph.points, graph.owner, graph.first, graph.after, graph.entries, graph.feeders,
             _STEPS,
@@ -57,7 +55,7 @@ class Traffic:
 def _look(
     actors: Floats2, x_m: float, y_m: float, memory: Floats2, elapsed_s: float
 ) -> tuple[Floats, Floats, Floats, Ints]:
-    """Return (memory for the next look, boxes, seconds without moving, (3, k) of kind, id, follows a lane).
+    """Return (memory for the next look, boxes, seconds without moving, (2, k) of kind, follows a lane).
 
     `memory` (n, 2) is speed (NaN: not seen) and seconds without moving at the last look, by the actor's id;
     `elapsed_s` is how long ago that was.
@@ -69,7 +67,7 @@ def _look(
     for i in range(len(now)):
         now[i, 0], now[i, 1] = np.nan, 0.0
     boxes, stood_s = np.empty((2 * len(actors), box.COLUMNS)), np.empty(2 * len(actors))
-    about = np.empty((3, 2 * len(actors)), dtype=np.int64)
+    about = np.empty((2, 2 * len(actors)), dtype=np.int64)
     count = 0
     for doubted in range(2):
         for i in range(len(actors)):
@@ -95,7 +93,6 @@ def _look(
             row[box.SPEED], row[box.LENGTH], row[box.WIDTH] = speed, actors[i, _LENGTH], actors[i, _WIDTH]
             row[box.ACCEL], row[box.COS], row[box.SIN] = gained, cos(actors[i, _YAW]), sin(actors[i, _YAW])
             stood_s[count] = stood
-            about[0, count], about[1, count] = kind, number
-            about[2, count] = 1 if kind <= _BICYCLE and speed > 0.05 else 0
+            about[0, count], about[1, count] = kind, 1 if kind <= _BICYCLE and speed > 0.05 else 0
             count += 1
     return now, boxes[:count], stood_s[:count], about[:, :count]

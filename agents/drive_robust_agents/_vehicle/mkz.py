@@ -26,8 +26,11 @@ TICK_S = 0.05
 _EASE = 0.22
 """Share of the way to a higher acceleration per tick: that of an engine with a lag of 0.2 s (`forecast`)."""
 _LEAST, _COAST = 0.3, 0.5 * 3.6 * TICK_S
+"""Throttle below which the fit does not hold, and what coasting loses in a tick against this throttle [km/h]."""
 _LEAN, _LEAN_KMH = 0.5, 64.8
+"""Above this speed the fit does not hold below this throttle, as less throttle would accelerate more."""
 _MOST_KMH, _FALL_OFF = 90.0, 0.1 * TICK_S
+"""Speed above which the fit does not hold, and the share of the speed beyond that is lost in a tick."""
 _BRAKES = (2.44419284e-9, -4.90357228e-7, 5.06587474e-5, -2.83832427e-3, 0.0820967431, 9.31711370e-3)
 
 

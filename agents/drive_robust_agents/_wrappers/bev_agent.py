@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
-from drive_robust_agents._wrappers.memory import Memory, Sensed, can_bus, motion_between
+from drive_robust_agents._wrappers.memory import Memory, can_bus, motion_between
 from drive_robust_agents._wrappers.pid import Point, WaypointController, WaypointTuning
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from drive_robust_agents._wrappers.tuning import Tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath, rig
 
@@ -63,12 +64,12 @@ class BevAgent(LearnedAgent):
         super().reset(route, seed)
         self._controller, self._memory = WaypointController(self.tunings[self.tuning]), Memory(self.remembers)
 
-    def waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
+    def _waypoints(self, outputs: Mapping[str, NDArray[Any]]) -> NDArray[Any]:
         """Return the plan (6, 2) from the outputs of one row; override to change the network's plan."""
         return outputs["waypoints"]
 
-    def _look(self, observation: Observation) -> NetworkRow:
-        pose, imu = Sensed.of(observation), observation.imu
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        pose, imu = SensedPose.of(observation), observation.imu
         target = self._target(pose.x_m, pose.y_m)
         then, old = self._memory.recall(observation.tick)
         motion = motion_between(np.array([pose if then is None else then]), np.array([pose]))
@@ -83,12 +84,12 @@ class BevAgent(LearnedAgent):
         aim, _ = target.seen_from(*pose)
         return NetworkRow(inputs | {f"old_{name}": values for name, values in old.items()}, (aim,))
 
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        self._memory.keep(observation.tick, Sensed.of(observation), outputs)
-        way = tuple((float(x), float(y)) for x, y in self.waypoints(outputs))
+        self._memory.keep(observation.tick, SensedPose.of(observation), outputs)
+        way = tuple((x, y) for x, y in self._waypoints(outputs).tolist())
         self._planned = PlannedPath(path=way, target_points=targets, speed_points=way)
         control = self._controller.step(way, observation.speed.mps, targets[0])
         brake = 0.0 if control.throttle > control.brake else control.brake
-        return self._given(Control(control.throttle, control.steer, brake), observation.speed.mps)
+        return self._for_driven_car(Control(control.throttle, control.steer, brake), observation.speed.mps)

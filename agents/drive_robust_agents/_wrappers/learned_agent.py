@@ -10,13 +10,14 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.inference import ENGINES, LoadedNetwork, Network
+from drive_robust_agents._nets.engine_options import ENGINES
+from drive_robust_agents._nets.inference import LoadedNetwork, Network
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents._vehicle.mkz import Pedals
 from drive_robust_agents._vehicle.plain_car import pedals_from_plain, steer_from_plain
 from drive_robust_agents._wrappers.pid import Point
 from drive_robust_agents._wrappers.route_planner import MIN_M, RoutePlanner, Target
-from drive_robust_agents._wrappers.tuning import Tuning, tuning_called
+from drive_robust_agents._wrappers.tuning import Tuning, require_tuning
 from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, PlannedPath
 from pytest_drive_robust.errors import UsageError
 
@@ -33,22 +34,33 @@ class NetworkRow(NamedTuple):
 class LearnedAgent(ABC):
     """An agent that drives by a network, with the memory of an episode.
 
-    A subclass defines its name in the manifest of weights, the class of its network (`"tcp:TcpNet"`: module in `_nets`
-    and class), the files that ship with it, the picture sizes in a network's specification (`pictures`: weights of
-    another rig are refused), and the distance in metres within which a point of the plan is dropped. Constructors
-    repeat the keywords below, so that a reader of one agent sees all of its options.
+    In each tick `_prepare` makes the inputs of the network from the observation, and `_control` makes the control from
+    the outputs; `_for_driven_car` converts a controller's control for the car.
+
+    A subclass defines these two, `sensors`, and the class attributes below. Constructors repeat the keywords below, so
+    that a reader of one agent sees all of its options.
 
     `tuning` chooses the numbers that turn the plan into controls. `"published"` are the numbers of the released agent,
     made for CARLA's car, whose controls are applied unchanged. `"ours"` are numbers for a plain car, whose controls are
-    converted so that the driven car moves alike (`plain_car`). Raises `UnknownNameError` for another tuning.
+    converted so that the driven car moves alike (`plain_car`).
+
+    `weights` is a file with its `manifest.json` beside it; the shipped weights by default. `engine`, `device`, `dtype`
+    and `threads` are those of `LoadedNetwork.of`. `network` replaces the network, for tests. Raises `UsageError` for
+    another tuning, for an engine that this machine lacks, and for weights that are missing or differ from their
+    manifest.
     """
 
     consumes: ClassVar[frozenset[str]]
     name: ClassVar[str]
-    architecture: ClassVar[str]
+    """The agent's name in the manifest of weights."""
+    network_class: ClassVar[str]
+    """The class of the network and its module in `_nets`: `"tcp:TcpNet"`."""
     weights: ClassVar[tuple[Path, ...]]
+    """The files of weights and graphs that ship."""
     pictures: ClassVar[Mapping[str, Any]]
+    """The sizes of pictures in a network's specification: weights of another rig are refused."""
     drops_within_m: ClassVar[float] = MIN_M
+    """The distance within which a point of the plan is dropped."""
     computed_by: tuple[str, ...] = ENGINES["onnx"]
 
     _method = "forward"
@@ -65,11 +77,11 @@ class LearnedAgent(ABC):
         weights: str | Path | None = None,
         network: Network | None = None,
     ) -> None:
-        """Use `network`; without it, load a network with `LoadedNetwork.of` and the options `engine` to `weights`."""
-        self.tuning: Tuning = tuning_called(tuning, agent=self.name)
+        require_tuning(tuning, agent=self.name)
+        self.tuning: Tuning = tuning
         self._network = network or LoadedNetwork.of(
             self.name,
-            self.architecture,
+            self.network_class,
             engine=engine,
             device=device,
             dtype=dtype,
@@ -87,14 +99,14 @@ class LearnedAgent(ABC):
 
         `options` are the options in the agent's name. The device is checked only when the agent is made.
         """
-        tuning_called(options.get("tuning", "published"), agent=cls.name)
+        require_tuning(options.get("tuning", "published"), agent=cls.name)
         if isinstance(options.get("network"), str):
             raise UsageError(
                 f"the network of {cls.name!r} is an object that only its constructor can be given. Name a file of "
                 f"weights instead, as in '{cls.name}:weights=FILE'."
             )
         computed = {name: options[name] for name in ("engine", "dtype", "threads", "weights") if name in options}
-        LoadedNetwork.check(cls.name, cls.architecture, **computed)
+        LoadedNetwork.check(cls.name, cls.network_class, **computed)
         cls._require_rig(options.get("weights"))
 
     @classmethod
@@ -123,11 +135,11 @@ class LearnedAgent(ABC):
     @classmethod
     def act_batch(cls, agents: Sequence[LearnedAgent], observations: Sequence[Observation]) -> Sequence[Control]:
         """Return the controls of agents with a shared network and equal options, in one run of the network."""
-        seen = [agent._look(observation) for agent, observation in zip(agents, observations, strict=True)]
+        seen = [agent._prepare(observation) for agent, observation in zip(agents, observations, strict=True)]
         inputs = {name: np.stack([one.inputs[name] for one in seen]) for name in seen[0].inputs}
         outputs = agents[0]._network.run(agents[0]._method, **inputs)
         return [
-            agent._follow(observation, one.targets, {name: values[row] for name, values in outputs.items()})
+            agent._control(observation, one.targets, {name: values[row] for name, values in outputs.items()})
             for row, (agent, observation, one) in enumerate(zip(agents, observations, seen, strict=True))
         ]
 
@@ -136,16 +148,16 @@ class LearnedAgent(ABC):
         return self._planned
 
     @abstractmethod
-    def _look(self, observation: Observation) -> NetworkRow:
-        """Return the inputs of the network in this tick."""
+    def _prepare(self, observation: Observation) -> NetworkRow:
+        """Return the inputs of the network in this tick, and the target points for `_control`."""
 
     @abstractmethod
-    def _follow(
+    def _control(
         self, observation: Observation, targets: tuple[Point, ...], outputs: Mapping[str, NDArray[Any]]
     ) -> Control:
-        """Convert this row's outputs to a control, and set the path that `plan` returns."""
+        """Convert the outputs of this agent's row to a control, and set the path that `plan` returns."""
 
-    def _given(self, control: Control, speed_mps: float) -> Control:
+    def _for_driven_car(self, control: Control, speed_mps: float) -> Control:
         """Return the control for the car from the control of the agent's controller, at the measured speed."""
         if self.tuning == "published":
             return control

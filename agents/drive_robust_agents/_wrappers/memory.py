@@ -12,16 +12,15 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust import Observation
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 from pytest_drive_robust.arithmetic import arrays
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "Sensed", "can_bus", "motion_between"]
+__all__ = ["CAN_BUS", "LAG_TICKS", "Memory", "can_bus", "motion_between"]
 
 Floats32 = NDArray[np.float32]
 
@@ -48,20 +47,6 @@ def can_bus(speed: Floats32, imu: Floats32, motion: Floats32) -> Floats32:
     return np.column_stack([speed, imu[:, 2], imu[:, 0], imu[:, 1], motion[:, 0], motion[:, 1]]).astype(np.float32)
 
 
-class Sensed(NamedTuple):
-    """The pose measured by GPS and compass: metres and rad in the route's frame; a compass value of NaN becomes 0."""
-
-    x_m: float
-    y_m: float
-    yaw_rad: float
-
-    @staticmethod
-    def of(observation: Observation) -> Sensed:
-        """Return the unfiltered pose of one tick, as in the published wrappers."""
-        yaw = observation.compass.yaw_rad
-        return Sensed(observation.gps.x_m, observation.gps.y_m, 0.0 if math.isnan(yaw) else yaw)
-
-
 class Memory:
     """A ring buffer of a network's outputs in each tick, with the pose sensed in that tick.
 
@@ -70,9 +55,9 @@ class Memory:
 
     def __init__(self, shapes: Mapping[str, tuple[int, ...]]) -> None:
         self._nothing = {name: np.zeros(shape, dtype=np.float32) for name, shape in shapes.items()}
-        self._kept: deque[tuple[int, Sensed, Mapping[str, Floats32]]] = deque()
+        self._kept: deque[tuple[int, SensedPose, Mapping[str, Floats32]]] = deque()
 
-    def recall(self, tick: int) -> tuple[Sensed | None, Mapping[str, Floats32]]:
+    def recall(self, tick: int) -> tuple[SensedPose | None, Mapping[str, Floats32]]:
         """Return (pose, arrays) of the youngest memory that is at least 0.5 s old; (None, zeros) without a memory.
 
         When ticks were left out, a memory of up to 1 s is used.
@@ -84,7 +69,7 @@ class Memory:
             return pose, features
         return None, self._nothing
 
-    def keep(self, tick: int, pose: Sensed, outputs: Mapping[str, Floats32]) -> None:
+    def keep(self, tick: int, pose: SensedPose, outputs: Mapping[str, Floats32]) -> None:
         """Remember this tick; a tick that is not later than the last one starts a new memory."""
         if self._kept and tick <= self._kept[-1][0]:
             self._kept.clear()

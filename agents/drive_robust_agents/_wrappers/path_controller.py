@@ -1,7 +1,7 @@
 """Convert SimLingo's path and speed waypoints to controls, and let a vehicle that stands too long creep.
 
 The structure is as published (SimLingo `team_code/agent_simlingo.py`, `config_simlingo.py`): the path steers, the speed
-waypoints drive, independently of each other. Gains are tuned for a plain car (`tuning`).
+waypoints drive, independently of each other. See `tuning` for gains and limits.
 
 The points of the path are one metre apart, the speed waypoints 0.25 s apart; the first of either is one step ahead.
 Points are (forward, right) metres in the frame of the vehicle.
@@ -21,9 +21,6 @@ __all__ = ["Creep", "PathController", "PathTuning", "along"]
 _STEP_S = 0.25
 """Seconds between consecutive speed waypoints."""
 
-_TURN = Gains(p=2.2, i=0.641, d=1.378, window=6)
-_SPEED = Gains(p=1.75, i=1.0, d=2.0, window=20)
-
 
 @dataclass(frozen=True, slots=True)
 class PathTuning:
@@ -31,24 +28,21 @@ class PathTuning:
 
     The look-ahead is `look_s` seconds plus `look_m` metres, clipped to `least_look_m`..`most_look_m`. `turn` acts on an
     angle in units of 90 degrees, `speed` on metres per second. The wanted speed is the speed between the waypoints
-    `speed_from` and `speed_to`, counted from 0; below `brake_below_mps` the controller stops.
-
-    Published (`tuning.SIMLINGO_PUBLISHED`): a gain of 3.118, 0.351 s and at least 2.4 m, with which a plain car
-    overshoots when it changes lanes; the waypoints 0 and 2, with which a small network, whose plans slow down too
-    gently, begins to brake too late, and a stop below 0.4 m/s.
+    `speed_from` and `speed_to`, counted from 0. The brake is full below a wanted speed of `brake_below_mps`, and above
+    `brake_ratio` times the wanted speed; at most `most_missing_mps` of the missing speed count.
     """
 
-    turn: Gains = _TURN
-    speed: Gains = _SPEED
-    look_s: float = 0.5
-    look_m: float = 0.19
-    least_look_m: float = 2.8
-    most_look_m: float = 10.5
-    speed_from: int = 2
-    speed_to: int = 6
-    brake_below_mps: float = 0.8
-    brake_ratio: float = 1.1
-    most_missing_mps: float = 1.0
+    turn: Gains
+    speed: Gains
+    look_s: float
+    look_m: float
+    least_look_m: float
+    most_look_m: float
+    speed_from: int
+    speed_to: int
+    brake_below_mps: float
+    brake_ratio: float
+    most_missing_mps: float
 
 
 class PathController:
@@ -57,9 +51,9 @@ class PathController:
     Path and waypoints know nothing of each other. One object per episode.
     """
 
-    def __init__(self, tuning: PathTuning | None = None) -> None:
-        self.tuning = tuning or PathTuning()
-        self._turn, self._speed = WindowedPid(self.tuning.turn), WindowedPid(self.tuning.speed)
+    def __init__(self, tuning: PathTuning) -> None:
+        self.tuning = tuning
+        self._turn, self._speed = WindowedPid(tuning.turn), WindowedPid(tuning.speed)
 
     def step(self, path: Sequence[Point], speed_points: Sequence[Point], speed_mps: float) -> Control:
         """Return the control for this tick, from at least one point of a path and `speed_to` + 1 waypoints."""

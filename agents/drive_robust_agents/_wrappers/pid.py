@@ -67,35 +67,38 @@ class WindowedPid:
 
 @dataclass(frozen=True, slots=True)
 class WaypointTuning:
-    """Every number of a `WaypointController`, and the agent's limits on its pedals.
+    """Every number of a `WaypointController`, and the agent's limits on its pedals, which limit nothing by default.
 
-    `turn` acts on an angle in units of 90 degrees, `speed` on metres per second. A target overrules the waypoints from
-    a difference of `target_turn` (units of 90 degrees) and within `target_within_m`; within `calm_within_m` a target
-    with a smaller angle is preferred. `speed_pairs` is the number of pairs of waypoints that give the wanted speed.
+    `turn` acts on an angle in units of 90 degrees, `speed` on metres per second. `speed_pairs` is the number of pairs
+    of waypoints that give the wanted speed. A target overrules the waypoints from a difference of `target_turn` (units
+    of 90 degrees) and within `target_within_m`; within `calm_within_m` a target with a smaller angle is preferred.
+    `behind_is_right`: see `published_turn_of`. The brake is full below a wanted speed of `brake_below_mps`, and above
+    `brake_ratio` times the wanted speed; at most `most_missing_mps` of the missing speed count.
+
     `cruise_throttle` is the most throttle above `free_mps`, or above `free_turning_mps` with a steering beyond
-    `turning`; above `coast_above_mps` the throttle is 0. `full_brake`: the agent makes any brake a full brake.
-    `behind_is_right`: see `published_turn_of`.
+    `turning`, `free_throttle` the most below; above `coast_above_mps` the throttle is 0. `full_brake`: the agent makes
+    any brake a full brake.
     """
 
     turn: Gains
     speed: Gains
-    aim_m: float = 4.0
-    speed_pairs: int = 3
-    target_turn: float = 0.3
-    target_within_m: float = 10.0
-    calm_within_m: float = math.inf
-    brake_below_mps: float = 0.4
-    brake_ratio: float = 1.1
-    most_missing_mps: float = 0.25
-    most_throttle: float = 0.75
+    aim_m: float
+    speed_pairs: int
+    target_turn: float
+    target_within_m: float
+    calm_within_m: float
+    behind_is_right: bool
+    brake_below_mps: float
+    brake_ratio: float
+    most_missing_mps: float
+    most_throttle: float
     cruise_throttle: float = 1.0
     free_throttle: float = 1.0
-    free_mps: float = 1.5
-    free_turning_mps: float = 1.0
-    turning: float = 0.07
+    free_mps: float = math.inf
+    free_turning_mps: float = math.inf
+    turning: float = math.inf
     coast_above_mps: float = math.inf
     full_brake: bool = False
-    behind_is_right: bool = False
 
 
 class WaypointController:

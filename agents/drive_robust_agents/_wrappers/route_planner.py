@@ -9,7 +9,6 @@ Source: Bench2DriveZoo `team_code/planner.py` and SimLingo `team_code/nav_planne
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 from pytest_drive_robust import GlobalPlan, RoadOption
@@ -80,7 +79,6 @@ class RoutePlanner:
 
 
 def to_ego(dx_m: float, dy_m: float, yaw_rad: float) -> tuple[float, float]:
-    """Return (forward, right) metres of a difference in the route's frame; a yaw of NaN counts as 0."""
-    yaw = 0.0 if math.isnan(yaw_rad) else yaw_rad
-    c, s = scalars.cos_sin(yaw)
+    """Return (forward, right) metres of a difference in the route's frame."""
+    c, s = scalars.cos_sin(yaw_rad)
     return c * dx_m + s * dy_m, c * dy_m - s * dx_m

@@ -15,6 +15,7 @@ and `team_code/{uniad,vad}_b2d_agent.py` of the same repository, SimLingo's from
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -24,24 +25,27 @@ from pytest_drive_robust.errors import UnknownNameError
 
 __all__ = [
     "PUBLISHED", "SIMLINGO", "SIMLINGO_PUBLISHED", "TCP", "TCP_PUBLISHED", "UNIAD", "UNIAD_PUBLISHED", "VAD",
-    "VAD_PUBLISHED", "Tuning", "tuning_called",
+    "VAD_PUBLISHED", "Tuning", "require_tuning",
 ]  # fmt: skip
 
 Tuning = Literal["ours", "published"]
 """The origin of a controller's numbers. Ours are tuned for a plain car, and their controls converted (`plain_car`)."""
 
-_SPEED = Gains(p=5.0, i=0.5, d=1.0, window=40)
-
 PUBLISHED = WaypointTuning(
     turn=Gains(p=0.75, i=0.75, d=0.3, window=40),
-    speed=_SPEED,
+    speed=Gains(p=5.0, i=0.5, d=1.0, window=40),
+    aim_m=4.0,
     speed_pairs=5,
     target_turn=0.3,
     target_within_m=10.0,
-    brake_below_mps=0.4,
+    calm_within_m=math.inf,
     behind_is_right=True,
+    brake_below_mps=0.4,
+    brake_ratio=1.1,
+    most_missing_mps=0.25,
+    most_throttle=0.75,
 )
-"""Bench2Drive's numbers, without caps: aim 4 m, brake ratio 1.1, clip 0.25, most throttle 0.75 are those above, too."""
+"""Bench2Drive's numbers, equal in TCP's `config.py` and the `pid_controller.py` of UniAD and VAD; without caps."""
 TCP_PUBLISHED = replace(
     PUBLISHED,
     free_throttle=0.5,
@@ -57,22 +61,23 @@ UNIAD_PUBLISHED = replace(PUBLISHED, coast_above_mps=5.0)
 VAD_PUBLISHED = PUBLISHED
 """`vad_b2d_agent.py` has no cap but that of the controller, 0.75."""
 
-_SHARED = WaypointTuning(
+_SHARED = replace(
+    PUBLISHED,
     turn=Gains(p=2.25, i=0.5, d=0.5, window=40),
-    speed=_SPEED,
     speed_pairs=2,
     target_turn=0.6,
     target_within_m=8.0,
     calm_within_m=8.0,
+    behind_is_right=False,
     brake_below_mps=0.8,
 )
-TCP = replace(_SHARED, free_throttle=0.5, cruise_throttle=0.3, free_mps=1.5, free_turning_mps=1.0)
+TCP = replace(_SHARED, free_throttle=0.5, cruise_throttle=0.3, free_mps=1.5, free_turning_mps=1.0, turning=0.07)
 """Published: 0.05 in place of 0.3."""
 UNIAD = replace(_SHARED, coast_above_mps=5.0)
 VAD = replace(_SHARED, most_throttle=0.3)
 """Published: 0.75, which is 3.75 m/s2 of a plain car and too much for a small network's foresight: the same weights
 drove 8 of 44 held-out routes with 0.75 and 15 with 0.3."""
-SIMLINGO = PathTuning()
+
 SIMLINGO_PUBLISHED = PathTuning(
     turn=Gains(p=3.118357247806046, i=0.6406067986034124, d=1.3782508892109167, window=6),
     speed=Gains(p=1.75, i=1.0, d=2.0, window=20),
@@ -88,12 +93,21 @@ SIMLINGO_PUBLISHED = PathTuning(
 )
 """`LateralPIDController(inference_mode=False)` uses speed in km/h and path points 0.1 m apart, hence 0.36 and 0.1. It
 takes the next whole point, we interpolate. The waypoints are those of 0.25 and 0.75 s."""
+SIMLINGO = replace(
+    SIMLINGO_PUBLISHED,
+    turn=Gains(p=2.2, i=0.641, d=1.378, window=6),
+    look_s=0.5,
+    look_m=0.19,
+    least_look_m=2.8,
+    speed_from=2,
+    speed_to=6,
+    brake_below_mps=0.8,
+)
+"""By the published gain and look-ahead a plain car overshoots when it changes lanes. By the published waypoints a small
+network, whose plans slow down too gently, begins to brake too late."""
 
 
-def tuning_called(name: str, *, agent: str) -> Tuning:
-    """Return the name of a tuning. Raises `UnknownNameError` with a hint for `agent` where there is none."""
-    for known in get_args(Tuning):
-        if name == known:
-            tuning: Tuning = known
-            return tuning
-    raise UnknownNameError.of("tuning", name, get_args(Tuning), hint=f"As in '{agent}:tuning=published'.")
+def require_tuning(name: str, *, agent: str) -> None:
+    """Raise `UnknownNameError` with a hint for `agent` when there is no tuning of this name."""
+    if name not in get_args(Tuning):
+        raise UnknownNameError.of("tuning", name, get_args(Tuning), hint=f"As in '{agent}:tuning=published'.")

@@ -24,7 +24,7 @@ WEIGHTS_SUFFIX = ".safetensors"
 
 
 class CandidateFactory:
-    """A factory of agents with one weight file. Their code, configuration and weights key their episodes.
+    """A factory of agents with one weight file. Their code, name and weights key their episodes.
 
     `options` are the agent's options, as after its name. Raises `UsageError` for unknown options, and for weights of
     another agent.
@@ -40,7 +40,6 @@ class CandidateFactory:
         self.__module__ = cls.__module__
         self.__qualname__ = getattr(cls, "__qualname__", agent)
         self.weights = (file, *sorted(file.parent.glob(f"{file.stem}*.onnx")))
-        self.configuration = getattr(cls, "configuration", None)
         self.computed_by = getattr(cls, "computed_by", None)
 
     def __call__(self) -> Agent:

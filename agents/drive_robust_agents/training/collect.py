@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -28,8 +28,7 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
 
 __all__ = [
-    "Collected", "Collection", "add_arguments", "check_cameras", "check_complete", "check_world", "collect",
-    "collection_of", "draws_of", "run",
+    "Collected", "Collection", "add_arguments", "check_frames", "collect", "collection_of", "draws_of", "run",
 ]  # fmt: skip
 
 _ASKED = "collect.json"
@@ -226,44 +225,47 @@ def draws_of(folder: Path) -> dict[str, Any]:
     return {**drawn, "expert_share": asked["beta"] if asked["dagger"] else 1.0}
 
 
-def check_world(folders: Sequence[Path]) -> None:
-    """Raise `UsageError` for data from another version of the world; frames without a collection pass."""
-    for folder in folders:
-        world = draws_of(folder).get("simulator", EmbeddedSimulator.version)
-        if world != EmbeddedSimulator.version:
-            raise UsageError(
-                f"{folder} was collected in embedded {world}, and the world is embedded {EmbeddedSimulator.version} "
-                "now: its car moves otherwise. Collect into a new folder."
-            )
+def check_frames(folders: Sequence[Path], agent: str) -> None:
+    """Raise `UsageError` for data that `agent` cannot be trained on; frames of no collection pass.
 
-
-def check_cameras(folders: Sequence[Path], agent: str) -> None:
-    """Raise `UsageError` for pictures of cameras other than the agent's; frames without a collection pass."""
+    That is data from another version of the world or of other cameras, and a collection that was broken off.
+    """
     for folder in folders:
         asked = _asked_in(folder)
-        there = {camera["name"]: camera for camera in asked.get("cameras", ())}
-        other = [one.name for one in agent_rig(agent).cameras if there.get(one.name) != asdict(one)]
-        if there and other:
-            raise UsageError(
-                f"{folder} was collected for {asked['agent']!r}, whose cameras are not those of {agent!r}: "
-                f"{', '.join(other)}. Collect for {agent!r} into a new folder."
-            )
+        if asked:
+            _check_world(folder, asked)
+            _check_cameras(folder, asked, agent)
+            _check_complete(folder, asked)
 
 
-def check_complete(folders: Sequence[Path]) -> None:
-    """Raise `UsageError` for a collection that was broken off; frames of no collection pass."""
-    for folder in folders:
-        asked = _asked_in(folder)
-        if not asked:
-            continue
-        known = {field.name: asked[field.name] for field in fields(Collection) if field.name in asked}
-        shards = len(Collection(**known).shards(folder))
-        there = sum(number < shards for number in shard_numbers(folder))
-        if there < shards:
-            raise UsageError(
-                f"{folder} holds {there} of the {shards} shards that were asked for. The same `collect` command goes "
-                "on; with fewer --routes it asks for no more than there is."
-            )
+def _check_world(folder: Path, asked: Mapping[str, Any]) -> None:
+    world = asked.get("simulator", EmbeddedSimulator.version)
+    if world != EmbeddedSimulator.version:
+        raise UsageError(
+            f"{folder} was collected in embedded {world}, and the world is embedded {EmbeddedSimulator.version} "
+            "now: its car moves otherwise. Collect into a new folder."
+        )
+
+
+def _check_cameras(folder: Path, asked: Mapping[str, Any], agent: str) -> None:
+    there = {camera["name"]: camera for camera in asked.get("cameras", ())}
+    other = [one.name for one in agent_rig(agent).cameras if there.get(one.name) != asdict(one)]
+    if there and other:
+        raise UsageError(
+            f"{folder} was collected for {asked['agent']!r}, whose cameras are not those of {agent!r}: "
+            f"{', '.join(other)}. Collect for {agent!r} into a new folder."
+        )
+
+
+def _check_complete(folder: Path, asked: Mapping[str, Any]) -> None:
+    known = {field.name: asked[field.name] for field in fields(Collection) if field.name in asked}
+    shards = len(Collection(**known).shards(folder))
+    there = sum(number < shards for number in shard_numbers(folder))
+    if there < shards:
+        raise UsageError(
+            f"{folder} holds {there} of the {shards} shards that were asked for. The same `collect` command goes "
+            "on; with fewer --routes it asks for no more than there is."
+        )
 
 
 class _Bar:
@@ -323,11 +325,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def collection_of(given: argparse.Namespace) -> Collection:
     """Return the `Collection` of the options."""
-    return Collection(
-        given.agent, given.route_seed, given.per_type, given.routes, given.episodes, given.data_seed,
-        given.shard_routes, given.dagger, given.beta, tuple(given.types), tuple(given.settings),
-        given.room_s, given.halt_s,
-    )  # fmt: skip
+    values = {field.name: getattr(given, field.name) for field in fields(Collection)}
+    return Collection(**values | {"types": tuple(given.types), "settings": tuple(given.settings)})
 
 
 def run(given: argparse.Namespace) -> int:

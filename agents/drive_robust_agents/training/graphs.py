@@ -7,7 +7,7 @@ from pathlib import Path
 
 from drive_robust_agents._nets.manifest import write_entry
 from drive_robust_agents._nets.weights import SHIPPED, locate, verified_bytes
-from drive_robust_agents.training.loop.graphs import write_graphs
+from drive_robust_agents.training.loop.onnx_graphs import write_graphs
 from drive_robust_agents.training.recipes.recipe import recipe_of
 
 __all__ = ["add_arguments", "run"]

@@ -18,7 +18,7 @@ from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.simlingo import SimLingo
-from drive_robust_agents.training.collect import check_cameras, check_complete, check_world
+from drive_robust_agents.training.collect import check_frames
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames
@@ -56,6 +56,7 @@ ASKED: tuple[tuple[str, Kind, bool], ...] = (
 
 LEAST_M, ASIDE_M, STANDS_MPS, CLOSER_MPS = 0.5, 1.0, 1.0, 0.5
 _CHUNK = 64
+_SEED = 0
 _MOST_ROWS = 20_000
 
 
@@ -74,26 +75,24 @@ class InstructionScore(NamedTuple):
         return self.right / self.scenes if self.scenes else float("nan")
 
 
-def scores(
-    network: Network, frames: Frames, *, scenes: int = 200, seed: int = 0, everything: bool = False
-) -> list[InstructionScore]:
+def scores(network: Network, frames: Frames, *, scenes: int = 200, everything: bool = False) -> list[InstructionScore]:
     """Return the scores of each row of the table, on up to `scenes` scenes.
 
     Scenes are drawn from the validation episodes, or with `everything` from all frames, if none was trained on.
     """
     held = np.arange(len(frames)) if everything else frames.split()[1]
-    order = draws("instructions", seed).permutation(held)[:_MOST_ROWS]
+    order = draws("instructions", _SEED).permutation(held)[:_MOST_ROWS]
     found: dict[str, list[bool]] = {}
     for asked, kind, safety in ASKED:
         share = scenes // sum(other == asked for other, _, _ in ASKED)
         rows = _fitting(frames, order, kind, safety=safety)[:share]
-        found.setdefault(asked, []).extend(examine(network, frames.arrays(NEEDS, rows), kind, safety=safety, seed=seed))
+        found.setdefault(asked, []).extend(examine(network, frames.arrays(NEEDS, rows), kind, safety=safety))
     return [_score(asked, right) for asked, right in found.items()]
 
 
-def examine(network: Network, arrays: Arrays, kind: Kind, *, safety: bool, seed: int = 0) -> list[bool]:
+def examine(network: Network, arrays: Arrays, kind: Kind, *, safety: bool) -> list[bool]:
     """Return for each row whether the instruction moves the plan the right way (with `safety`: leaves it alone)."""
-    generator = draws("wording", kind.value, seed)
+    generator = draws("wording", kind.value, _SEED)
     right = []
     for start in range(0, len(arrays["speed"]), _CHUNK):
         chunk = {name: values[start : start + _CHUNK] for name, values in arrays.items()}
@@ -148,12 +147,10 @@ def run(given: argparse.Namespace) -> int:
     """Print the table for folders of frames. Raises `UsageError` for weights or data that cannot be used."""
     require_positive(given, "scenes")
     folders = [Path(folder) for folder in given.data]
-    check_world(folders)
-    check_cameras(folders, SimLingo.name)
-    check_complete(folders)
+    check_frames(folders, SimLingo.name)
     if not given.all:
         _require_held_out(given.data, locate(SimLingo.name, given.weights)[1])
-    loaded = LoadedNetwork.of("simlingo", SimLingo.architecture, weights=given.weights)
+    loaded = LoadedNetwork.of("simlingo", SimLingo.network_class, weights=given.weights)
     found = scores(lambda inputs: loaded.run(**inputs), Frames(*given.data), scenes=given.scenes, everything=given.all)
     print(table(found))
     return 0

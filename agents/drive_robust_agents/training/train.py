@@ -14,7 +14,7 @@ import torch
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents.training.collect import check_cameras, check_complete, check_world, draws_of
+from drive_robust_agents.training.collect import check_frames, draws_of
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display
@@ -64,9 +64,7 @@ def run(given: argparse.Namespace) -> int:
     """Train as the options say; return the exit code, 130 when interrupted. Raises `UsageError`."""
     require_device(given.device)
     require_positive(given, "visits", "epochs", "minutes", "batch", "lr", "threads", "readers")
-    check_world(given.frames)
-    check_cameras(given.frames, given.agent)
-    check_complete(given.frames)
+    check_frames(given.frames, given.agent)
     torch.set_num_threads(given.threads)
     recipe = recipe_of(given.agent, robust=given.robust)
     readers = given.readers or (8 if given.device.startswith("cuda") else 1)

@@ -242,9 +242,9 @@ def test_the_filter_predicts_with_the_world_s_car_or_with_the_published_one() ->
     for tuned in ("ours", "published"):
         driver, _ = agent(tuning=tuned)
         driver._last = Control(steer=1.0)
-        driver._place(seen(0, speed=4.0))
+        driver._pose(seen(0, speed=4.0))
         blind = replace(seen(1, speed=4.0), compass=Compass(math.nan, 1))
-        turned[tuned] = driver._place(blind).yaw_rad
+        turned[tuned] = driver._pose(blind).yaw_rad
     assert turned["ours"] == pytest.approx(turned["published"], rel=1e-3)  # but for the acceleration
     assert turned["ours"] != turned["published"]
 

@@ -137,7 +137,7 @@ def test_without_a_route_it_says_what_is_missing() -> None:
 
 
 def test_its_memory_has_the_shapes_of_the_network(weights: Path) -> None:
-    network = LoadedNetwork.of("uniad", UniAD.architecture, weights=weights)
+    network = LoadedNetwork.of("uniad", UniAD.network_class, weights=weights)
     example = {name: value.numpy() for name, value in UniadNet(UniadSpec()).example(1).items()}
     given = network.run(**example)
     for name, shape in UniAD.remembers.items():

@@ -20,7 +20,7 @@ from drive_robust_agents._nets.vad import VadNet, VadSpec  # noqa: E402
 from drive_robust_agents._vehicle.mkz import Pedals  # noqa: E402
 from drive_robust_agents._vehicle.plain_car import pedals_from_plain  # noqa: E402
 from drive_robust_agents._wrappers.memory import CAN_BUS  # noqa: E402
-from drive_robust_agents.training.recipes.vad import VadRecipe  # noqa: E402
+from drive_robust_agents.training.data.rigs import agent_rig  # noqa: E402
 from drive_robust_agents.vad import VAD  # noqa: E402
 from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # noqa: E402
 from pytest_drive_robust.domain.agent import SIGNALS  # noqa: E402
@@ -75,7 +75,7 @@ def spied(*commands: RoadOption, **options: Any) -> tuple[VAD, Spy]:
 def test_it_says_that_every_signal_reaches_it() -> None:
     assert VAD.consumes == set(SIGNALS)
     agent, _ = spied()
-    assert tuple(agent.sensors()) == VadRecipe().rig == VadSpec().bev.rig()
+    assert tuple(agent.sensors()) == agent_rig("vad").cameras == VadSpec().bev.rig()
 
 
 def test_the_docstring_counts_the_parameters() -> None:

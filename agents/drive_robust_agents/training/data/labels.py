@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -141,6 +141,4 @@ def _goes_on(ego: EgoState, seconds: float) -> EgoState:
     half = 0.5 * turn
     chord = ego.speed_mps * seconds * (math.sin(half) / half if abs(half) > 1e-9 else 1.0)
     x, y = ego.x_m + chord * math.cos(ego.yaw_rad + half), ego.y_m + chord * math.sin(ego.yaw_rad + half)
-    return EgoState(
-        x, y, ego.yaw_rad + turn, ego.speed_mps, 0.0, ego.right_mps2, ego.yaw_rate_radps, ego.length_m, ego.width_m
-    )
+    return replace(ego, x_m=x, y_m=y, yaw_rad=ego.yaw_rad + turn, forward_mps2=0.0)

@@ -7,17 +7,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drive_robust_agents._wrappers.memory import LAG_TICKS
+from drive_robust_agents.training.data.rollouts import DAGGER, ON_WAY
 from pytest_drive_robust.jit.arrays import Ints
 
 __all__ = ["earlier_rows"]
 
-_DRIVEN = (0, 3)
+_DRIVEN = (ON_WAY, DAGGER)
 
 
-def earlier_rows(episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any], *, lag_ticks: int = 10) -> Ints:
-    """Return (n,) for each frame the row of the frame `lag_ticks` earlier in its episode, or -1.
+def earlier_rows(episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any]) -> Ints:
+    """Return (n,) for each frame the row of the frame `LAG_TICKS` earlier in its episode, or -1.
 
-    All arguments are (n,). Only driven frames (source 0 or 3) can be remembered. A frame from a shifted pose remembers
+    All arguments are (n,). Only driven frames (by `source`) can be remembered. A frame from a shifted pose remembers
     the drive from which it was shifted: its pose is known, so the memory can be moved to fit. The input of the frame's
     own motion must not be the difference of both poses, which would reveal the shift.
     """
@@ -26,6 +28,6 @@ def earlier_rows(episode: NDArray[Any], tick: NDArray[Any], source: NDArray[Any]
     if not len(driven):
         return np.full(len(drives), -1, dtype=np.int64)
     driven = driven[np.argsort(drives[driven], kind="stable")]
-    known, wanted = drives[driven], drives - lag_ticks
+    known, wanted = drives[driven], drives - LAG_TICKS
     place = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
     return np.where(known[place] == wanted, driven[place], -1)

@@ -12,12 +12,12 @@ from drive_robust_agents.training.data.labels import ExpertMoment, to_ego
 from pytest_drive_robust.domain.truth import ActorKind, EgoState, LaneKind, LaneMap, LightState, WorldState
 from pytest_drive_robust.jit.arrays import Floats, Ints
 
-__all__ = ["BOXES", "LANES", "MapLines", "box_labels"]
+__all__ = ["BOXES", "LANES", "ROUTE", "SOLID", "MapLines", "box_labels"]
 
 BOXES, BOX_TICKS = 24, (10, 20, 30, 40, 50, 60)
 LANES, LANE_POINTS = 12, 6
 ROUTE, LANE, STRIPED, SOLID, STOP, CROSSWALK = range(6)
-"""Values of `lane_kind`; -1 is none."""
+"""Values of `lane_kind`, whose names are `LANE_CLASSES`; -1 is none."""
 _AHEAD_M, _BEHIND_M, _ASIDE_M = 64.0, 24.0, 32.0
 _LANES_BEHIND_M = 16.0
 _FASTEST_M = 20.0

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from drive_robust_agents._nets.commentary import Action, Commentary, Reason
+from drive_robust_agents.training.data.commentary import Action, Commentary, Reason
 from pytest_drive_robust.domain.truth import LightState
 
 __all__ = ["action_of", "commentary", "hindrances", "turn_ahead_rad"]

@@ -97,7 +97,7 @@ def sample_branch(episode: ExpertEpisode, pose: Pose | None, source: int) -> Sam
     return Sample(here, states, controls, START if started else source, tick)
 
 
-def shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
+def _shifted(episode: ExpertEpisode, rng: np.random.Generator) -> Sample | None:
     """Return a sample from a pose beside the way, or None where three draws found no room or no good end."""
     state = episode.simulator.state
     for _ in range(_TRIES):
@@ -125,7 +125,7 @@ def drive_expert(route: Route, *, data_seed: int, seed: int, teacher: Teacher = 
         keep = tick % KEEP_TICKS == phase and is_kept(ego.speed_mps, rng)
         clean = not noise[tick : tick + BRANCH_TICKS].any()
         if keep:
-            more = shifted(episode, rng)
+            more = _shifted(episode, rng)
             beside += [more] if more is not None else []
             if not clean:
                 more = sample_branch(episode, None, ON_WAY)

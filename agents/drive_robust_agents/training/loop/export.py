@@ -14,7 +14,8 @@ from torch import nn
 from drive_robust_agents._nets import torch_weights
 from drive_robust_agents._nets import weights as store
 from drive_robust_agents._nets.manifest import MOST_BYTES, WeightsEntry, plain_spec, read_manifest, write_entry
-from drive_robust_agents.training.loop.graphs import write_graphs
+from drive_robust_agents.training.data.rigs import agent_rig
+from drive_robust_agents.training.loop.onnx_graphs import write_graphs
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.store.whole_file import write_whole
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["publish", "write_weights"]
 
 
-def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, step: int, version: str = "0.0") -> Path:
+def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, step: int) -> Path:
     """Write `NAME.safetensors`, its graphs and its manifest into a folder; return the weight file.
 
     Raises `UsageError` for a file that is too large.
@@ -41,7 +42,7 @@ def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, ste
     write_whole(path, content)
     entry = WeightsEntry(
         name=name,
-        version=version,
+        version="0.0",
         file=path.name,
         sha256=hashlib.sha256(content).hexdigest(),
         size_bytes=len(content),
@@ -59,7 +60,7 @@ def write_weights(net: nn.Module, folder: Path, *, options: TrainingOptions, ste
 
 
 def publish(
-    file: Path, folder: Path, *, recipe: TrainingRecipe, version: str, score: Mapping[str, Any] | None, **about: object
+    file: Path, folder: Path, *, recipe: TrainingRecipe, version: str, score: Mapping[str, Any], note: str
 ) -> WeightsEntry:
     """Copy chosen weights and their graphs into a folder, such as the package's; return the manifest entry.
 
@@ -69,9 +70,8 @@ def publish(
     entry = read_manifest(file.parent, recipe.name)
     contents = {entry.file: store.verified_bytes(file, entry)}
     contents |= {graph.file: store.verified_graph(file, entry, graph) for graph in entry.graphs.values()}
-    provenance = {
-        **entry.provenance, **about, "rig": [asdict(camera) for camera in recipe.rig], "score": score
-    }  # fmt: skip
+    rig = [asdict(camera) for camera in agent_rig(recipe.name).cameras]
+    provenance = {**entry.provenance, "note": note, "rig": rig, "score": score}
     entry = replace(entry, version=version, provenance=provenance)
     folder.mkdir(parents=True, exist_ok=True)
     for name, content in contents.items():

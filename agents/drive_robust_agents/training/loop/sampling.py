@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pytest_drive_robust import RoadOption
 from pytest_drive_robust.jit.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ NEEDS = ("command", "controls", "future", "speed", "tag")
 _STANDING, _STARTING, _BRAKING, _TURNING, _CHANGING = 0.4, 4.0, 2.0, 2.0, 2.5
 _STILL_MPS, _MOVED_M = 0.5, 0.5
 _FLOOR = 0.02
+_LANE_CHANGES = (int(RoadOption.CHANGE_LANE_LEFT), int(RoadOption.CHANGE_LANE_RIGHT))
 
 
 def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
@@ -35,7 +37,7 @@ def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
     weights = np.ones(len(speed))
     braking = (columns["controls"][:, :3, 2].max(axis=1) > 0.2) & (speed > 1.0)
     turning = np.abs(future[:, -1, 2]) > 0.35
-    changing = np.isin(columns["command"], (5, 6)).any(axis=1)
+    changing = np.isin(columns["command"], _LANE_CHANGES).any(axis=1)
     starting = (speed < _STILL_MPS) & (in_two_s > 1.0)
     for chosen, weight in ((braking, _BRAKING), (turning, _TURNING), (changing, _CHANGING), (starting, _STARTING)):
         weights[chosen] = np.maximum(weights[chosen], weight)
@@ -43,14 +45,14 @@ def bucket_weights(columns: Mapping[str, NDArray[Any]]) -> Floats:
     return weights
 
 
-def level_types(weights: Floats, tags: NDArray[Any], *, floor: float = _FLOOR) -> Floats:
-    """Return weights that sum to one, with the share of every scenario type raised to at least `floor`.
+def level_types(weights: Floats, tags: NDArray[Any]) -> Floats:
+    """Return weights that sum to one, with the share of every scenario type raised to at least `_FLOOR`.
 
     With k types the floor is at most 0.9 / k. Types above the floor are reduced in proportion to their share.
     """
     kinds, of = np.unique(tags, return_inverse=True)
     shares = np.bincount(of, weights=weights, minlength=len(kinds)) / weights.sum()
-    least = min(floor, 0.9 / len(kinds))
+    least = min(_FLOOR, 0.9 / len(kinds))
     wanted = shares.copy()
     low = wanted < least
     while True:

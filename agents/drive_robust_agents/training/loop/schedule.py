@@ -33,5 +33,5 @@ def stage_at(stages: Sequence[TrainingStage], step: int, total: int) -> tuple[in
 
 def learning_rate(stages: Sequence[TrainingStage], step: int, total: int, peak: float) -> float:
     """Return the learning rate of a step."""
-    number, progress = stage_at(stages, step, total)
-    return peak * stages[number].lr_factor * cycle(progress)
+    _, progress = stage_at(stages, step, total)
+    return peak * cycle(progress)

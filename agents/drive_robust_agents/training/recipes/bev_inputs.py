@@ -12,8 +12,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
+from drive_robust_agents._vehicle.mkz import TICK_S
 from drive_robust_agents._wrappers.bev_agent import CAMERAS
-from drive_robust_agents._wrappers.memory import can_bus, motion_between
+from drive_robust_agents._wrappers.memory import LAG_TICKS, can_bus, motion_between
 from drive_robust_agents.training.recipes.augment import photometric_gridmask
 from drive_robust_agents.training.recipes.failures import gps_errors, hang, misread, muddy
 
@@ -28,7 +29,7 @@ NEEDS = (*_IMAGES, "speed", "imu", "pose", "command")
 HISTORY = (*_IMAGES, "speed", "imu", "pose")
 """Arrays that this module reads of the frame 0.5 s earlier, too."""
 
-_LAG_S = 0.5
+_LAG_S = LAG_TICKS * TICK_S
 _MEMORY_SHARE = 0.5
 _TWO_FIXES = math.sqrt(2.0)
 """Error of the movement between two noisy positions, relative to the error of one position."""
@@ -80,10 +81,10 @@ def bev_inputs(
     return {name: torch.from_numpy(value) for name, value in values.items()}
 
 
-def driven_in(speed: NDArray[Any], imu: NDArray[Any], seconds: float = _LAG_S) -> NDArray[np.float32]:
-    """Return (n, 3): the movement of the last `seconds`, as `motion_between`, from speed (n,) and IMU (n, 3)."""
-    turned = imu[:, 2] * seconds
-    way = np.maximum((speed - 0.5 * imu[:, 0] * seconds) * seconds, 0.0)
+def driven_in(speed: NDArray[Any], imu: NDArray[Any]) -> NDArray[np.float32]:
+    """Return (n, 3): the movement of the last 0.5 s, as `motion_between`, from speed (n,) and IMU (n, 3)."""
+    turned = imu[:, 2] * _LAG_S
+    way = np.maximum((speed - 0.5 * imu[:, 0] * _LAG_S) * _LAG_S, 0.0)
     return np.column_stack([way * np.cos(turned / 2.0), way * np.sin(turned / 2.0), turned]).astype(np.float32)
 
 

@@ -10,18 +10,18 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+from drive_robust_agents._nets.bev_net import LANE_CLASSES
 from pytest_drive_robust.domain.truth import ActorKind
 
-__all__ = ["CHANNELS", "LINE_KINDS", "dense_loss", "dense_targets"]
+__all__ = ["dense_loss", "dense_targets"]
 
-CHANNELS = ("vehicle", "other", "route", "lane", "striped edge", "solid edge", "stop line", "crosswalk")
-LINE_KINDS = len(CHANNELS) - 2
-"""Number of values of `lane_kind` other than none; the first two channels are bodies."""
 _BODY_SHARE, _LINE_SHARE = 0.3, 0.55
+_HEAVIER = 4.0
+"""How many empty cells a filled cell counts for."""
 
 
 def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor, sizes: Tensor) -> Tensor:
-    """Return (N, 8, cells) of 0 and 1, by `CHANNELS`, for centres and sizes of cells (cells, 2), metres.
+    """Return (N, 8, cells) of 0 and 1, by `DENSE_CHANNELS`, for centres and sizes of cells (cells, 2), metres.
 
     `boxes` is (N, B, 9), `lanes` (N, V, P, 2) with NaN for none, `lane_kind` (N, V), as in the samples. A body fills
     the cells whose centre it nearly covers, a line those whose centre is about half a cell away from it.
@@ -31,13 +31,13 @@ def dense_targets(boxes: Tensor, lanes: Tensor, lane_kind: Tensor, cells: Tensor
     vehicle = (boxes[..., 7] <= ActorKind.EMERGENCY)[..., None]
     bodies = [(inside & vehicle).any(1), (inside & ~vehicle).any(1)]
     near = _distance(lanes, cells) < _LINE_SHARE * size
-    lines = [(near & (lane_kind == kind)[..., None]).any(1) for kind in range(LINE_KINDS)]
+    lines = [(near & (lane_kind == kind)[..., None]).any(1) for kind in range(len(LANE_CLASSES))]
     return torch.stack(bodies + lines, dim=1).float()
 
 
-def dense_loss(logits: Tensor, targets: Tensor, *, heavier: float = 4.0) -> Tensor:
-    """Compute binary cross-entropy where a filled cell counts `heavier` times as much as an empty one."""
-    weight = targets.new_tensor(heavier)
+def dense_loss(logits: Tensor, targets: Tensor) -> Tensor:
+    """Compute binary cross-entropy where a filled cell counts `_HEAVIER` times as much as an empty one."""
+    weight = targets.new_tensor(_HEAVIER)
     return functional.binary_cross_entropy_with_logits(logits, targets, pos_weight=weight)
 
 

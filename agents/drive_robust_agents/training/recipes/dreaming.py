@@ -17,7 +17,9 @@ from drive_robust_agents._nets.prompts import PHRASES, THINGS, Instruction, Kind
 from drive_robust_agents.training.data.reasons import hindrances
 from pytest_drive_robust.jit.arrays import Floats
 
-__all__ = ["Dream", "DreamStart", "applicable", "draw_instruction", "dream", "is_safe"]
+__all__ = [
+    "PATH_POINTS", "STEP_S", "WAYPOINTS", "Dream", "DreamStart", "applicable", "draw_instruction", "dream", "is_safe",
+]  # fmt: skip
 
 PATH_POINTS, WAYPOINTS, STEP_S = 20, 10, 0.25
 _TIMES_S = STEP_S * np.arange(WAYPOINTS + 1)

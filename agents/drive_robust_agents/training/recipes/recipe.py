@@ -14,8 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from torch import Tensor, nn
 
-    from pytest_drive_robust import CameraSpec
-
     Arrays = Mapping[str, NDArray[Any]]
 
 __all__ = ["RECIPES", "Defaults", "TrainingRecipe", "TrainingStage", "recipe_of"]
@@ -25,11 +23,10 @@ RECIPES = {"simlingo": "SimLingoRecipe", "tcp": "TcpRecipe", "uniad": "UniadReci
 
 
 class TrainingStage(NamedTuple):
-    """A stage of the training: its share of all steps, frozen parameters (by prefix), factor on the learning rate."""
+    """A stage of the training: its share of all steps, and frozen parameters (by prefix)."""
 
     share: float = 1.0
     frozen: tuple[str, ...] = ()
-    lr_factor: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,9 +43,8 @@ class Defaults:
 class TrainingRecipe(Protocol):
     """One agent's training, without state, because `batch` is called in background threads.
 
-    `rig` are the cameras of the agent. `needs` are the arrays of a sample that `batch` reads, `history` those that it
-    also reads from the frame 0.5 s earlier, as `old_<name>`, with `old_ok` (N,) False (and zeros) in rows without an
-    earlier frame.
+    `needs` are the arrays of a sample that `batch` reads, `history` those that it also reads from the frame 0.5 s
+    earlier, as `old_<name>`, with `old_ok` (N,) False (and zeros) in rows without an earlier frame.
     """
 
     name: str
@@ -56,11 +52,6 @@ class TrainingRecipe(Protocol):
     history: tuple[str, ...]
     stages: tuple[TrainingStage, ...]
     defaults: Defaults
-
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """The cameras of the agent, equal to its `sensors()`."""
-        ...
 
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network of a plain specification, by default the shipped one."""

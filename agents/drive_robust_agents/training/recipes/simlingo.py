@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +13,6 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from drive_robust_agents._nets.causal import select
-from drive_robust_agents._nets.commentary import FOLLOWING, refusal
 from drive_robust_agents._nets.prompts import (
     ANSWER_SLOTS,
     PROMPT_SLOTS,
@@ -30,9 +28,9 @@ from drive_robust_agents._nets.prompts import (
 from drive_robust_agents._nets.simlingo import Driving, SimLingoNet, SimLingoSpec
 from drive_robust_agents._nets.words import PAD
 from drive_robust_agents._vehicle.mkz import TICK_S
+from drive_robust_agents.training.data.commentary import FOLLOWING, refusal
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.reasons import commentary
-from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.augment import occlude, simlingo_mild
 from drive_robust_agents.training.recipes.dreaming import (
     PATH_POINTS,
@@ -49,7 +47,6 @@ from pytest_drive_robust import RoadOption
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["SimLingoRecipe", "TalkPrompt", "talk"]
 
@@ -103,14 +100,9 @@ class SimLingoRecipe:
     def __init__(self, *, robust: bool = False, talking: float = 0.5, mix: Mapping[str, float] = MIX) -> None:
         self.robust, self.talking, self.mix = robust, talking, mix
 
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """One wide front camera above and behind the driver."""
-        return agent_rig(self.name).cameras
-
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return SimLingoNet.build(asdict(SimLingoSpec()) if spec is None else spec)
+        return SimLingoNet(SimLingoSpec()) if spec is None else SimLingoNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return inputs and `true_...` targets of the driving prompt; `talk_...` those of the second prompts.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,6 @@ from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["TcpRecipe", "beta_nll"]
 
@@ -50,14 +48,9 @@ class TcpRecipe:
     def __init__(self, *, robust: bool = False) -> None:
         self.robust = robust
 
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """The three front cameras."""
-        return CAMERAS
-
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return TcpNet.build(asdict(TcpSpec()) if spec is None else spec)
+        return TcpNet(TcpSpec()) if spec is None else TcpNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return the inputs of `TcpNet.forward` by name, and targets named `true_...`."""

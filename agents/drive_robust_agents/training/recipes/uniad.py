@@ -7,24 +7,23 @@ on (agent queries begin at its peaks), and hints to the ego's query about the li
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.matching import Match
+from drive_robust_agents._nets.bev_net import LANE_CLASSES
 from drive_robust_agents._nets.uniad import Perceived, UniadNet, UniadSpec, move
 from drive_robust_agents._nets.uniad_heads import PriorAgents
-from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
-from drive_robust_agents.training.recipes.dense import LINE_KINDS, dense_loss
+from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
+from drive_robust_agents.training.recipes.dense import dense_loss
+from drive_robust_agents.training.recipes.matching import Match
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
 from drive_robust_agents.training.recipes.uniad_losses import (
     collision_loss,
     heat_loss,
-    hint_loss,
     mask_loss,
     motion_loss,
     occupancy_loss,
@@ -40,11 +39,9 @@ from drive_robust_agents.training.recipes.uniad_targets import (
     on_lines,
     own_way,
 )
-from drive_robust_agents.training.recipes.vad_losses import agent_loss
 
 if TYPE_CHECKING:
     from drive_robust_agents.training.recipes.recipe import Arrays
-    from pytest_drive_robust import CameraSpec
 
 __all__ = ["UniadRecipe"]
 
@@ -73,14 +70,9 @@ class UniadRecipe:
     def __init__(self, *, robust: bool = False) -> None:
         self.robust = robust
 
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """Six cameras all around."""
-        return agent_rig(self.name).cameras
-
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return UniadNet.build(asdict(UniadSpec()) if spec is None else spec)
+        return UniadNet(UniadSpec()) if spec is None else UniadNet.build(spec)
 
     def batch(self, arrays: Arrays, generator: np.random.Generator, training: bool) -> dict[str, Tensor]:
         """Return the inputs of `bev_inputs`, and the labels of the sample, named `true_...`."""
@@ -110,7 +102,7 @@ def _seen(net: UniadNet, seen: Perceived, batch: Mapping[str, Tensor]) -> tuple[
     lines = draw(cells_of(on_lines(batch["true_lanes"]), bev), bev.cells)
     bodies = draw(cells_of(in_boxes(boxes, boxes[..., :2]), bev), bev.cells)
     classes, shapes, found = agent_loss(seen.tracks.logits, seen.tracks.boxes, boxes)
-    lane_kind, lane_mask = mask_loss(seen.lane_logits[..., :LINE_KINDS], seen.lane_masks, lines, kind)
+    lane_kind, lane_mask = mask_loss(seen.lane_logits[..., : len(LANE_CLASSES)], seen.lane_masks, lines, kind)
     parts = {
         "dense": 4.0 * dense_loss(seen.dense.transpose(1, 2), from_above(bodies, lines, boxes, kind)),
         "heat": 0.5 * heat_loss(seen.heat, heat_of(boxes, bev)),

@@ -9,13 +9,12 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from drive_robust_agents._nets.matching import Match, match
-from drive_robust_agents.training.recipes.vad_losses import focal, focal_cost
+from drive_robust_agents.training.recipes.bev_losses import FOCAL, class_loss, focal_cost
+from drive_robust_agents.training.recipes.matching import Match, match
 
 __all__ = [
     "collision_loss",
     "heat_loss",
-    "hint_loss",
     "mask_loss",
     "motion_loss",
     "occupancy_loss",
@@ -28,8 +27,6 @@ _WIDER = ((0.0, 2.5), (0.5, 1.0), (1.0, 0.25))
 """(metres around the ego, weight): UniAD's three collision losses."""
 _FAR_M, _AREA_M2 = 1.0e3, 4.0
 _LOG_SPREAD = (-1.5, 3.0)
-_NEAR_M = 20.0
-_LIGHT_M = 60.0
 
 
 def heat_loss(logits: Tensor, heat: Tensor) -> Tensor:
@@ -60,10 +57,8 @@ def mask_loss(logits: Tensor, masks: Tensor, truth: Tensor, kind: Tensor) -> tup
         p = masks.sigmoid()
         dice = 1.0 - 2.0 * (p @ truth.transpose(1, 2)) / (p.sum(-1)[..., None] + truth.sum(-1)[:, None] + 1.0)
         found = match(focal_cost(logits, classes) + 2.0 * dice, valid)
-    wanted = torch.zeros_like(logits)
-    wanted[found.rows, found.queries, classes[found.rows, found.targets]] = 1.0
-    kind_loss = focal(logits, wanted) / max(len(found.rows), 1)
-    return 2.0 * kind_loss, painted(masks[found.rows, found.queries], truth[found.rows, found.targets])
+    painting = painted(masks[found.rows, found.queries], truth[found.rows, found.targets])
+    return FOCAL * class_loss(logits, classes, found), painting
 
 
 def motion_loss(paths: Tensor, spread: Tensor, logits: Tensor, way: Tensor) -> Tensor:
@@ -124,18 +119,6 @@ def _away(points: Tensor, futures: Tensor, cos: Tensor, sin: Tensor) -> Tensor:
     """Return distances (N, B, T, 2) along and across the ego between points (N, T, 2) and others (N, B, T, 2)."""
     dx, dy = (futures.nan_to_num(_FAR_M) - points[:, None]).unbind(-1)
     return torch.stack((cos * dx + sin * dy, cos * dy - sin * dx), dim=-1).abs()
-
-
-def hint_loss(hints: Tensor, facts: Tensor) -> Tensor:
-    """Compute the loss of the ego query's hints, the light ahead and the nearness of things; not a published loss.
-
-    `facts` (N, 16) as `training.data.facts`: light, metres to its line, to a leader, ..., to a walker, to an obstacle.
-    """
-    near_light = facts[:, 1] < _LIGHT_M
-    light = torch.where(near_light, facts[:, 0], torch.full_like(facts[:, 0], -1.0)).long() + 1
-    blocked = torch.minimum(facts[:, 4], facts[:, 5])
-    near = torch.exp(-torch.stack((facts[:, 1], facts[:, 2], blocked), dim=1).clamp(min=0.0) / _NEAR_M)
-    return functional.cross_entropy(hints[:, :5], light) + 4.0 * (hints[:, 5:] - near).abs().mean()
 
 
 def pairs_table(found: Match, rows: int, targets: int) -> tuple[Tensor, Tensor]:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from drive_robust_agents._nets.bev import columns_of, rows_of
 from drive_robust_agents._nets.bev_grid import BevSpec
-from drive_robust_agents.training.recipes.dense import LINE_KINDS
+from drive_robust_agents._nets.bev_net import LANE_CLASSES
 from pytest_drive_robust.domain.truth import ActorKind
 
 __all__ = [
@@ -78,13 +78,13 @@ def heat_of(boxes: Tensor, spec: BevSpec) -> Tensor:
 
 
 def from_above(bodies: Tensor, lines: Tensor, boxes: Tensor, kind: Tensor) -> Tensor:
-    """Return (N, 8, cells) as `dense.CHANNELS`.
+    """Return (N, 8, cells) as `DENSE_CHANNELS`.
 
     Takes bodies (N, B, cells) in boxes (N, B, 9) and lines (N, V, cells) by kind.
     """
     vehicle = (boxes[..., 7] <= ActorKind.EMERGENCY)[..., None]
     drawn = [bodies * vehicle, bodies * ~vehicle]
-    drawn += [lines * (kind == number)[..., None] for number in range(LINE_KINDS)]
+    drawn += [lines * (kind == number)[..., None] for number in range(len(LANE_CLASSES))]
     return torch.stack([layer.amax(1) for layer in drawn], dim=1)
 
 

@@ -10,16 +10,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from drive_robust_agents._nets.manifest import plain_spec
 from drive_robust_agents._nets.vad import VadNet, VadSpec, choose
-from drive_robust_agents._wrappers.bev_agent import CAMERAS
 from drive_robust_agents.training.recipes.bev_inputs import HISTORY, NEEDS, bev_inputs, remembered
+from drive_robust_agents.training.recipes.bev_losses import agent_loss, hint_loss
 from drive_robust_agents.training.recipes.dense import dense_loss, dense_targets
 from drive_robust_agents.training.recipes.recipe import Defaults, TrainingStage
-from drive_robust_agents.training.recipes.uniad_losses import hint_loss
 from drive_robust_agents.training.recipes.vad_constraints import boundary_loss, collision_loss, direction_loss
-from drive_robust_agents.training.recipes.vad_losses import agent_loss, lane_loss, path_loss
-from pytest_drive_robust import CameraSpec
+from drive_robust_agents.training.recipes.vad_losses import lane_loss, path_loss
 
 __all__ = ["VadRecipe", "plan_loss"]
 
@@ -53,14 +50,9 @@ class VadRecipe:
     def __init__(self, *, robust: bool = False) -> None:
         self.robust = robust
 
-    @property
-    def rig(self) -> tuple[CameraSpec, ...]:
-        """Six cameras all around."""
-        return CAMERAS
-
     def make(self, spec: Mapping[str, Any] | None = None) -> nn.Module:
         """Return a new network."""
-        return VadNet.build(plain_spec(VadSpec()) if spec is None else spec)
+        return VadNet(VadSpec()) if spec is None else VadNet.build(spec)
 
     def batch(
         self, arrays: Mapping[str, NDArray[Any]], generator: np.random.Generator, training: bool

@@ -11,13 +11,14 @@ from __future__ import annotations
 import torch
 from torch import Tensor
 
+from drive_robust_agents.training.data.perception import ROUTE, SOLID
+
 __all__ = ["boundary_loss", "collision_loss", "direction_loss"]
 
 _AHEAD_M, _ASIDE_M = 3.0, 1.5
 _EDGE_M = 1.0
 _ON_LANE_M, _MOVES_M = 2.0, 0.5
 _FAR_M = 1.0e3
-SOLID_EDGE, ROUTE_LANE = 3, 0
 
 
 def collision_loss(plans: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
@@ -32,7 +33,7 @@ def collision_loss(plans: Tensor, boxes: Tensor, futures: Tensor) -> Tensor:
 
 def boundary_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
     """Return by how much waypoints come nearer than 1 m to the edge of the road; (N,)."""
-    off, _ = _nearest(plans, lanes, lane_kind == SOLID_EDGE)
+    off, _ = _nearest(plans, lanes, lane_kind == SOLID)
     return (_EDGE_M - off).clamp(min=0.0).mean(1)
 
 
@@ -40,7 +41,7 @@ def direction_loss(plans: Tensor, lanes: Tensor, lane_kind: Tensor) -> Tensor:
     """Return (N,) the angle [rad] between moving steps and the route's lane, within 2 m of the lane."""
     start = torch.cat([torch.zeros_like(plans[:, :1]), plans[:, :-1]], dim=1)
     step = plans - start
-    off, along = _nearest(plans, lanes, lane_kind == ROUTE_LANE)
+    off, along = _nearest(plans, lanes, lane_kind == ROUTE)
     counts = (step.detach().norm(dim=-1) > _MOVES_M) & (off.detach() < _ON_LANE_M)
     safe = torch.where(counts[..., None], step, along)
     cross = along[..., 0] * safe[..., 1] - along[..., 1] * safe[..., 0]

@@ -83,7 +83,7 @@ def test_agents_share_a_network_and_other_arguments_get_another(eager: LoadedNet
 def test_replaced_weights_are_another_policy(tmp_path: Path) -> None:
     first = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=1))
     second = LoadedNetwork.of("tcp", NETWORK, weights=published(tmp_path, seed=2))
-    assert first.label != second.label
+    assert first.entry.label != second.entry.label
     assert not np.array_equal(first.run(**inputs(1))["waypoints"], second.run(**inputs(1))["waypoints"])
 
 
@@ -104,8 +104,8 @@ def test_inputs_are_not_touched_and_outputs_are_the_callers(network: LoadedNetwo
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        ({"engine": "onxx"}, "engine='onxx': expected one of 'onnx', 'torch'. Did you mean 'onnx'"),
-        ({"dtype": "int8"}, "dtype='int8'"),
+        ({"engine": "onxx"}, "no engine of a network named 'onxx'. Did you mean 'onnx'? Known: onnx, torch."),
+        ({"dtype": "int8"}, "no dtype of a network named 'int8'"),
         ({"device": "gpu", "engine": "torch"}, "device='gpu' with engine='torch': expected 'cpu', 'auto'"),
         ({"device": "cuda:0"}, "device='cuda:0' with engine='onnx': expected 'cpu' or 'auto'; engine='torch' computes"),
         ({"threads": 0}, "threads=0"),

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drive_robust_agents._nets import prompts, words
-from drive_robust_agents._nets.commentary import Action, Commentary, Reason
 from drive_robust_agents._nets.prompts import PHRASES, THINGS, Instruction, Kind, parse_instruction
+from drive_robust_agents.training.data.commentary import Action, Commentary, Reason
 from pytest_drive_robust import RoadOption
 from pytest_drive_robust.errors import UsageError
 

@@ -208,7 +208,7 @@ def test_weights_without_a_graph_are_told_the_command_that_writes_one(file: Path
     graph_of(file, None)
     with pytest.raises(UsageError, match=r"lists no graph of tcp@.*training graphs .*tcp\.safetensors.*engine='torch'"):
         LoadedNetwork.of("tcp", NETWORK, weights=file)
-    assert LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch").label.startswith("tcp@0.0:")
+    assert LoadedNetwork.of("tcp", NETWORK, weights=file, engine="torch").entry.label.startswith("tcp@0.0:")
 
 
 def test_a_manifest_may_name_graphs_of_its_own_folder_only(file: Path) -> None:

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._nets import weights
 from drive_robust_agents._nets.answer import GENERATE
-from drive_robust_agents._nets.inference import ENGINES, ROWS, LoadedNetwork
+from drive_robust_agents._nets.engine_options import ENGINES
+from drive_robust_agents._nets.inference import ROWS, LoadedNetwork
 from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents._vehicle import mkz
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent
@@ -133,7 +134,7 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
     given = inputs_of(agent, ROWS)
     for method in ("forward", GENERATE) if agent is SimLingo else ("forward",):
         plans = [
-            LoadedNetwork.of(agent.name, agent.architecture, engine=engine).run(method, **given) for engine in ENGINES
+            LoadedNetwork.of(agent.name, agent.network_class, engine=engine).run(method, **given) for engine in ENGINES
         ]
         assert set(plans[0]) == set(plans[1])
         for name in {"path", "waypoints", "action", "answer"} & set(plans[0]):
@@ -143,7 +144,7 @@ def test_the_graphs_that_ship_plan_as_the_weights_that_ship(agent: type[LearnedA
 @every_agent
 def test_a_graph_computes_a_row_alike_in_any_company(agent: type[LearnedAgent]) -> None:
     """But for last bits: they are up to the processor, and lockstep checks them before it begins."""
-    network, given = LoadedNetwork.of(agent.name, agent.architecture), inputs_of(agent, 8)
+    network, given = LoadedNetwork.of(agent.name, agent.network_class), inputs_of(agent, 8)
     whole = network.run(**given)
     for rows in ([3, 2, 1, 0], [0, 5, 6], [7, 6, 5, 4, 0, 0]):
         again = network.run(**{name: values[rows] for name, values in given.items()})
@@ -156,7 +157,7 @@ def test_the_graphs_that_ship_are_open_to_any_program_beside_their_weights(agent
     given = inputs_of(agent, 1)
     plain = onnxruntime.InferenceSession(weights.SHIPPED / f"{agent.name}.onnx", providers=["CPUExecutionProvider"])
     found = dict(zip([one.name for one in plain.get_outputs()], plain.run(None, given), strict=True))
-    expected = LoadedNetwork.of(agent.name, agent.architecture).run(**given)
+    expected = LoadedNetwork.of(agent.name, agent.network_class).run(**given)
     assert np.abs(found["waypoints"] - expected["waypoints"]).max() < TOLERANCE
 
 
@@ -210,8 +211,8 @@ def test_our_numbers_move_the_car_as_a_plain_one_and_published_ones_are_given_as
     made: type[LearnedAgent],
 ) -> None:
     wanted = Control(throttle=0.3, steer=0.2, brake=0.0)
-    assert made(tuning="published")._given(wanted, 5.0) is wanted
-    moved = mkz.moved(5.0, made(tuning="ours")._given(wanted, 5.0))
+    assert made(tuning="published")._for_driven_car(wanted, 5.0) is wanted
+    moved = mkz.moved(5.0, made(tuning="ours")._for_driven_car(wanted, 5.0))
     tangent = math.tan(0.2 * 0.61)
     assert moved.turn_rad == pytest.approx(0.05 * math.cos(math.atan(0.5 * tangent)) * tangent / 2.85, rel=1e-6)
     drag_mps2 = 0.12 + 0.018 * 5.0 + 0.0006 * 25.0

@@ -9,23 +9,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._wrappers.memory import CAN_BUS, Memory, Sensed, can_bus, motion_between
+from drive_robust_agents._wrappers.memory import CAN_BUS, Memory, can_bus, motion_between
+from drive_robust_agents._wrappers.sensed_pose import SensedPose
 
-POSE = Sensed(1.0, 2.0, 0.5)
+POSE = SensedPose(1.0, 2.0, 0.5)
 poses = st.tuples(st.floats(-500.0, 500.0), st.floats(-500.0, 500.0), st.floats(-7.0, 7.0))
 
 
 def filled(ticks: range) -> Memory:
     memory = Memory({"bev": (2,)})
     for tick in ticks:
-        memory.keep(tick, Sensed(float(tick), 0.0, 0.0), {"bev": np.array([tick, -tick], dtype=np.float32)})
+        memory.keep(tick, SensedPose(float(tick), 0.0, 0.0), {"bev": np.array([tick, -tick], dtype=np.float32)})
     return memory
 
 
 def test_the_memory_is_that_of_ten_ticks_ago() -> None:
     for now in range(10, 30):
         pose, features = filled(range(now)).recall(now)
-        assert pose == Sensed(now - 10.0, 0.0, 0.0)
+        assert pose == SensedPose(now - 10.0, 0.0, 0.0)
         assert features["bev"].tolist() == [now - 10.0, 10.0 - now]
 
 
@@ -36,7 +37,7 @@ def test_in_the_first_half_second_there_is_no_memory() -> None:
 
 
 def test_where_ticks_are_left_out_the_youngest_memory_that_is_old_enough_counts() -> None:
-    assert filled(range(0, 40, 8)).recall(40)[0] == Sensed(24.0, 0.0, 0.0)
+    assert filled(range(0, 40, 8)).recall(40)[0] == SensedPose(24.0, 0.0, 0.0)
 
 
 def test_what_is_older_than_a_second_is_no_memory() -> None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drive_robust_agents._wrappers.path_controller import Creep, PathController, PathTuning, along
+from drive_robust_agents._wrappers import tuning
+from drive_robust_agents._wrappers.path_controller import Creep, PathController, along
 from drive_robust_agents._wrappers.pid import Point
 from pytest_drive_robust import Control
 
@@ -21,7 +23,7 @@ def at(speed_mps: float) -> list[Point]:
 
 
 def step(path: list[Point], wanted_mps: float, speed_mps: float) -> Control:
-    return PathController().step(path, at(wanted_mps), speed_mps)
+    return PathController(tuning.SIMLINGO).step(path, at(wanted_mps), speed_mps)
 
 
 def test_at_rest_with_nothing_wanted_it_stands() -> None:
@@ -29,7 +31,7 @@ def test_at_rest_with_nothing_wanted_it_stands() -> None:
 
 
 def test_the_wanted_speed_is_that_of_the_waypoints() -> None:
-    fastest_mps = PathTuning().brake_ratio * 7.0
+    fastest_mps = tuning.SIMLINGO.brake_ratio * 7.0
     assert step(STRAIGHT, 7.0, fastest_mps - 1e-6).brake == 0.0
     assert step(STRAIGHT, 7.0, fastest_mps + 1e-6).brake == 1.0
 
@@ -42,10 +44,10 @@ def test_it_accelerates_brakes_and_coasts() -> None:
 
 def test_it_brakes_at_once_for_a_plan_that_slows_down_within_two_seconds() -> None:
     slowing = [(8.0 * t - 1.5 * t * t, 0.0) for t in (0.25 * k for k in range(1, 11))]
-    assert PathController().step(STRAIGHT, slowing, 8.0).brake == 1.0
-    published = PathTuning(speed_from=0, speed_to=2)
+    assert PathController(tuning.SIMLINGO).step(STRAIGHT, slowing, 8.0).brake == 1.0
+    published = replace(tuning.SIMLINGO, speed_from=0, speed_to=2)
     assert PathController(published).step(STRAIGHT, slowing, 6.8).brake == 0.0
-    assert PathController().step(STRAIGHT, slowing, 6.8).brake == 1.0
+    assert PathController(tuning.SIMLINGO).step(STRAIGHT, slowing, 6.8).brake == 1.0
 
 
 @pytest.mark.parametrize("speed_mps", [0.0, 3.0, 8.0])

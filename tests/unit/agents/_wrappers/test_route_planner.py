@@ -83,10 +83,6 @@ def test_a_point_to_the_south_is_to_the_right_of_who_looks_east() -> None:
     assert to_ego(0.0, 3.0, math.pi / 2.0) == pytest.approx((3.0, 0.0))
 
 
-def test_a_compass_that_says_nan_counts_as_zero() -> None:
-    assert to_ego(2.0, 3.0, math.nan) == (2.0, 3.0)
-
-
 def test_targets_are_seen_from_the_given_pose() -> None:
     target = RoutePlanner(STRAIGHT).step(0.0, 0.0)
     first, second = target.seen_from(10.0, 5.0, 0.0)

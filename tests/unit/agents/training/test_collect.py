@@ -16,9 +16,7 @@ from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.collect import (
     Collection,
-    check_cameras,
-    check_complete,
-    check_world,
+    check_frames,
     collect,
     draws_of,
 )
@@ -227,8 +225,8 @@ def test_data_of_another_world_is_refused(tmp_path: Path, monkeypatch: pytest.Mo
     with pytest.raises(UsageError, match=rf"holds other data \(simulator: '2' there, '{now}' now\)"):
         collect(collection, old, progress=False)
     with pytest.raises(UsageError, match=rf"old was collected in embedded 2, and the world is embedded {now} now"):
-        check_world([new, old])
-    check_world([new, tmp_path])  # frames of no collection are somebody's own
+        check_frames([new, old], "tcp")
+    check_frames([new, tmp_path], "tcp")  # frames of no collection are somebody's own
 
 
 DAMAGED = [
@@ -260,7 +258,7 @@ def test_a_damaged_definition_of_the_data_is_named_with_what_to_do(
     said = capsys.readouterr().err
     assert said.startswith(f"{tmp_path / 'collect.json'} is damaged: {wrong}")
     assert said.endswith("put back a copy of it, or collect into a new folder.\n")
-    for check in (draws_of, lambda folder: check_cameras([folder], "tcp"), lambda folder: check_complete([folder])):
+    for check in (draws_of, lambda folder: check_frames([folder], "tcp")):
         with pytest.raises(UsageError, match="is damaged"):
             check(tmp_path)
 
@@ -270,22 +268,22 @@ def test_pictures_of_other_cameras_are_not_trained_on(tmp_path: Path, monkeypatc
     folder = tmp_path / "bev"
     collect(Collection("vad", routes=1), folder, progress=False)
     for agent in ("vad", "uniad", "tcp"):  # the three front cameras of `vad` are those of `tcp`
-        check_cameras([folder], agent)
-    check_cameras([tmp_path], "simlingo")  # frames of no collection are somebody's own
+        check_frames([folder], agent)
+    check_frames([tmp_path], "simlingo")  # frames of no collection are somebody's own
     said = r"bev was collected for 'vad', whose cameras are not those of 'simlingo': front\. Collect for"
     with pytest.raises(UsageError, match=said):
-        check_cameras([tmp_path, folder], "simlingo")
+        check_frames([tmp_path, folder], "simlingo")
 
 
 def test_data_that_was_broken_off_is_not_trained_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_write(monkeypatch)
     collect(Collection("tcp", routes=6, shard_routes=2, types=("Accident",)), tmp_path, progress=False)
-    check_complete([tmp_path])
+    check_frames([tmp_path], "tcp")
     (tmp_path / "shard-00002" / "done.json").unlink()
     with pytest.raises(UsageError, match=r"holds 2 of the 3 shards that were asked for\. The same `collect`"):
-        check_complete([tmp_path])
+        check_frames([tmp_path], "tcp")
     collect(Collection("tcp", routes=4, shard_routes=2, types=("Accident",)), tmp_path, progress=False)
-    check_complete([tmp_path, tmp_path / "frames of no collection"])
+    check_frames([tmp_path, tmp_path / "frames of no collection"], "tcp")
 
 
 @pytest.mark.parametrize(

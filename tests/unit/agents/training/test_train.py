@@ -23,7 +23,6 @@ from drive_robust_agents.training import evaluate as evaluating
 from drive_robust_agents.training.__main__ import main
 from drive_robust_agents.training.candidates import candidate, candidate_name
 from drive_robust_agents.training.data.rigs import TRAINING_RIGS
-from drive_robust_agents.training.recipes.recipe import recipe_of
 from drive_robust_agents.training.recipes.tcp import TcpRecipe
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
@@ -201,7 +200,7 @@ def test_a_candidate_is_the_agent_with_other_weights(run: Path, tmp_path: Path) 
     factory.check()
     assert factory.weights == (file, file.with_suffix(".onnx"))
     assert type(factory()) is drive_robust_agents.tcp.TCP
-    assert factory().sensors() == TRAINING_RIGS["tcp"].cameras == recipe_of("tcp").rig
+    assert factory().sensors() == TRAINING_RIGS["tcp"].cameras
     with pytest.raises(UsageError, match="expected candidate:AGENT=FILE"):
         candidate(f"tcp={tmp_path / 'nothing.safetensors'}")
     with pytest.raises(UsageError, match="Did you mean 'tcp'"):

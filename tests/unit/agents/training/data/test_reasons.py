@@ -11,7 +11,7 @@ pytest.importorskip("torch")
 
 from simlingo_samples import FREE
 
-from drive_robust_agents._nets.commentary import Action, Commentary, Reason
+from drive_robust_agents.training.data.commentary import Action, Commentary, Reason
 from drive_robust_agents.training.data.reasons import action_of, commentary, hindrances, turn_ahead_rad
 
 METRES = np.arange(1.0, 25.0)

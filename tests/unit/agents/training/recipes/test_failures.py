@@ -21,6 +21,7 @@ from drive_robust_agents._nets.manifest import read_manifest
 from drive_robust_agents._nets.prompts import by_targets, driving
 from drive_robust_agents._wrappers.kalman import PositionFilter
 from drive_robust_agents.training.__main__ import main
+from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes import simlingo
 from drive_robust_agents.training.recipes.failures import MOST_HIDDEN, gps_errors, hang, misread, muddy
 from drive_robust_agents.training.recipes.recipe import RECIPES, recipe_of
@@ -49,7 +50,7 @@ def changed(one: Batch, other: Batch) -> set[str]:
 
 @pytest.mark.parametrize("agent", sorted(RECIPES))
 def test_every_agent_can_be_trained_for_deployment(agent: str, tmp_path: Path) -> None:
-    cameras = {camera.name: (camera.height_px, camera.width_px) for camera in recipe_of(agent).rig}
+    cameras = {camera.name: (camera.height_px, camera.width_px) for camera in agent_rig(agent).cameras}
     frames = write_frames(tmp_path / "frames", rows=20, cameras=cameras, episodes=5)
     arguments = ["--frames", str(frames), "--run", str(tmp_path / "run"), "--batch", "4", "--visits", "8"]
     assert main(["train", "--agent", agent, "--robust", *arguments]) == 0

@@ -8,6 +8,7 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+from drive_robust_agents.training.data.rigs import agent_rig
 from drive_robust_agents.training.recipes.recipe import RECIPES, Defaults, recipe_of
 from pytest_drive_robust.errors import UnknownNameError
 
@@ -18,7 +19,7 @@ def test_every_learned_agent_has_a_recipe() -> None:
         assert recipe.name == name
         assert isinstance(recipe.defaults, Defaults)
         assert sum(stage.share for stage in recipe.stages) > 0.0
-        assert {f"cam_{camera.name}" for camera in recipe.rig} <= set(recipe.needs)
+        assert {f"cam_{camera.name}" for camera in agent_rig(name).cameras} <= set(recipe.needs)
 
 
 def test_a_misspelt_agent_is_told_the_nearest() -> None:

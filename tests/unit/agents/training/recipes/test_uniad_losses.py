@@ -12,7 +12,6 @@ torch = pytest.importorskip("torch")
 from drive_robust_agents.training.recipes.uniad_losses import (  # noqa: E402
     collision_loss,
     heat_loss,
-    hint_loss,
     mask_loss,
     motion_loss,
     painted,
@@ -96,12 +95,3 @@ def test_without_lanes_and_agents_the_losses_are_numbers() -> None:
     values = [*found, none, painted(nothing[:0], nothing[:0]), heat_loss(nothing, nothing)]
     assert all(math.isfinite(float(value)) for value in values)
     assert values[1] == values[2] == 0.0
-
-
-def test_a_hint_asks_for_the_light_only_where_it_is_near() -> None:
-    facts = torch.full((2, 16), 100.0)
-    facts[:, 0], facts[0, 1] = 2.0, 20.0
-    hints = torch.zeros(2, 8, requires_grad=True)
-    hint_loss(hints, facts).backward()
-    assert hints.grad is not None
-    assert hints.grad[:, :5].argmin(1).tolist() == [3, 0]

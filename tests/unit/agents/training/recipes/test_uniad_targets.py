@@ -13,7 +13,7 @@ from hypothesis import given  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 
 from drive_robust_agents._nets.bev_grid import BevSpec  # noqa: E402
-from drive_robust_agents.training.recipes.dense import CHANNELS  # noqa: E402
+from drive_robust_agents._nets.bev_net import DENSE_CHANNELS  # noqa: E402
 from drive_robust_agents.training.recipes.uniad_targets import (  # noqa: E402
     cells_of,
     draw,
@@ -83,7 +83,7 @@ def test_the_picture_from_above_has_a_layer_for_each_kind() -> None:
     boxes = torch.cat((box(20.0, 0.0, 0.0, 4.0, 2.0), box(10.0, 5.0, 0.0, 1.0, 1.0, ActorKind.PEDESTRIAN)), dim=1)
     bodies, lines = torch.eye(2, 4)[None], torch.eye(4)[None, 2:]
     above = from_above(bodies, lines, boxes, torch.tensor([[4, -1]]))[0]
-    filled = {CHANNELS[layer]: above[layer].nonzero()[:, 0].tolist() for layer in range(8) if above[layer].any()}
+    filled = {DENSE_CHANNELS[layer]: above[layer].nonzero()[:, 0].tolist() for layer in range(8) if above[layer].any()}
     assert filled == {"vehicle": [0], "other": [1], "stop line": [2]}
 
 

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drive_robust_agents._nets import prompts, words
-from drive_robust_agents._nets.commentary import Action, Commentary, Reason, refusal
+from drive_robust_agents.training.data.commentary import Action, Commentary, Reason, refusal
 
 sentences = st.builds(Commentary, st.sampled_from(Action), st.sampled_from(Reason))
 

@@ -7,7 +7,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 
-from drive_robust_agents._nets.matching import match  # noqa: E402
+from drive_robust_agents.training.recipes.matching import match  # noqa: E402
 
 
 def test_the_match_is_the_cheapest_and_leaves_out_what_is_not_there() -> None:
