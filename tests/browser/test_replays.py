@@ -32,6 +32,7 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     page = report.go(EPISODE)
     page.wait_for_selector("canvas")
     assert tick(page) == 80
+    page.locator(".player").focus()
     page.keyboard.press("ArrowRight")
     assert tick(page) == 81
     page.keyboard.press("Shift+ArrowLeft")
@@ -48,6 +49,19 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     assert tick(page) < page.evaluate("driveRobust.player.length")
     page.get_by_role("button", name="Play").click()
     report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
+
+
+def test_keys_act_only_while_the_player_has_the_focus(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    for key in ("j", "l", "n", "p", "k", "+", "-", "End", "ArrowRight", " "):
+        page.keyboard.press(key)
+    assert tick(page) == 80
+    assert page.evaluate("[driveRobust.player.playing, driveRobust.player.speed]") == [False, 1]
+    page.locator(".pane canvas").first.click()
+    page.keyboard.press("l")
+    assert tick(page) == 180
+    assert "act while the player has the focus" in text(page, ".keys")
 
 
 def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
@@ -70,6 +84,7 @@ def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
     near = [int(orange[at : at + 2], 16) for at in (1, 3, 5)]
     assert all(abs(one - other) <= 12 for one, other in zip(seen["ego"], near, strict=False)), (seen["ego"], near)
     assert seen["colours"] > 20
+    page.locator(".player").focus()
     page.keyboard.press("ArrowRight")
     assert page.evaluate(look)["sum"] != seen["sum"]
     page.keyboard.press("ArrowLeft")
@@ -117,6 +132,7 @@ def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, 
     report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
     page = report.go("#/episode/driver/clean/101/0")
     page.wait_for_selector("canvas")
+    page.locator(".player").focus()
     page.keyboard.press("End")
     assert tick(page) == ticks
     assert text(page, ".state") == f"ended at {seconds_text(ticks * 0.05)}: arrived"
@@ -129,6 +145,7 @@ def test_the_second_of_the_end_is_shown_once_and_rounded_as_the_others(opened, t
     assert "9.3 s" in result.end_detail
     assert "9.3 s" not in text(page, "main")
     assert text(page, ".marks li") == "9.4 s reached the end"
+    page.locator(".player").focus()
     page.keyboard.press("End")
     assert text(page, ".state") == "ended at 9.4 s: reached the end"
 

@@ -169,9 +169,9 @@ driveRobust.views.set("episode", (() => {
       this.cursor = h("div", { class: "cursor" });
       this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
       this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
-      return h("div", { class: "player" },
+      return h("div", { class: "player", role: "group", "aria-label": "Player", tabindex: "0", onkeydown: (event) => this.key(event) },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
-        h("div", { class: "controls", role: "group", "aria-label": "Player" },
+        h("div", { class: "controls", role: "group", "aria-label": "Controls" },
           this.playButton,
           h("button", { type: "button", "aria-label": "One tick back", onclick: () => this.step(-1) }, "\u2039"),
           h("button", { type: "button", "aria-label": "One tick on", onclick: () => this.step(1) }, "\u203a"),
@@ -183,7 +183,7 @@ driveRobust.views.set("episode", (() => {
         this.legend(two),
         h("div", { class: "below" },
           h("section", {}, h("h2", {}, "What happened"), this.events),
-          h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
+          h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, "They act while the player has the focus: click on it, or reach it with Tab."), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
     }
 
     legend(two) {
@@ -223,9 +223,7 @@ driveRobust.views.set("episode", (() => {
       this.resizer = new ResizeObserver(() => this.fit());
       this.panes.forEach((pane) => this.resizer.observe(pane.canvas));
       this.resizer.observe(this.strips);
-      this.onKey = (event) => this.key(event);
       this.onTheme = () => { this.colours = coloursNow(); this.fit(); };
-      document.addEventListener("keydown", this.onKey);
       document.addEventListener("drive-robust-theme", this.onTheme);
       this.fit();
       driveRobust.player = this;
@@ -234,7 +232,6 @@ driveRobust.views.set("episode", (() => {
     stop() {
       this.playing = false;
       this.resizer.disconnect();
-      document.removeEventListener("keydown", this.onKey);
       document.removeEventListener("drive-robust-theme", this.onTheme);
       driveRobust.player = null;
     }
@@ -308,11 +305,11 @@ driveRobust.views.set("episode", (() => {
       this.stripFrame.onpointerup = () => { this.stripFrame.onpointermove = null; };
     }
 
+    /* Called only while the player has the focus: single letters that act anywhere are pressed by speech input (WCAG 2.1.4). */
     key(event) {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const on = event.target.tagName;
-      if (on === "SELECT" || (on === "INPUT" && event.target.type !== "range" && event.target.type !== "checkbox")) return;
-      if (on === "VIDEO" || (event.key === " " && (on === "BUTTON" || on === "INPUT" || on === "A"))) return;
+      if (on === "SELECT" || (event.key === " " && (on === "BUTTON" || on === "INPUT"))) return;
       if (event.key.startsWith("Arrow") && on === "INPUT" && event.target !== this.range) return;
       const second = 1 / this.dt;
       const actions = {
