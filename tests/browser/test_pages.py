@@ -164,6 +164,14 @@ def test_every_view_fits_every_width(opened, width, scheme):
         assert (sum(shade) > 600) is (scheme == "light")
 
 
+@pytest.mark.parametrize("width", [360, 390])
+def test_four_tabs_stand_on_one_line_of_a_phone(opened, width):
+    page = opened(width=width).go()
+    tabs = page.locator("nav a")
+    assert tabs.all_inner_texts() == ["Overview", "What went wrong", "Episodes", "Compare"]
+    assert len({tab.bounding_box()["y"] for tab in tabs.all()}) == 1
+
+
 def test_what_went_wrong_and_what_was_perturbed_have_words_of_their_own(opened):
     report = opened()
     for view in VIEWS:
