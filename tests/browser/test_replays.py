@@ -9,11 +9,11 @@ from dataclasses import replace
 from urllib.parse import quote
 
 import pytest
-from made_up_pages import clean_run, report_of, text, tick
+from made_up_pages import LATENCY, clean_run, report_of, text, tick
 from report_pages import EPISODE, data_of
 from result_factory import infraction, make_result, trace_of
 
-from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.film.file_name import film_name
@@ -89,6 +89,19 @@ def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
     assert page.evaluate(look)["sum"] != seen["sum"]
     page.keyboard.press("ArrowLeft")
     assert page.evaluate(look) == seen
+
+
+def test_what_was_hit_and_when_the_two_diverged_stand_where_they_are_read_first(opened, tmp_path):
+    hit = Infraction(InfractionKind.COLLISION_VEHICLE, 40, "hit van at 6.4 m/s")
+    clean = make_result("101", trace=trace_of(60))
+    late = make_result("101", setting=LATENCY, infractions=[hit], trace=trace_of(60, speed_mps=3.0))
+    report = opened(report_of(tmp_path, clean, late))
+    page = report.go("#/episodes?q=van")
+    told = "completed, collision with vehicle at 2.0 s (hit van at 23 km/h)"
+    assert page.locator("table.episodes .story").all_inner_texts() == [told]
+    report.follow(page.locator("table.episodes th a"))
+    diverged = "diverged from its clean twin at 0.1 s in speed"
+    assert text(page, ".lead") == f"driver under {LATENCY}: {told}; {diverged}"
 
 
 def test_an_episode_names_the_command_that_drives_it_again(opened):
@@ -193,7 +206,7 @@ def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path)
 
 
 def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(opened, tmp_path):
-    setting = "200 ms latency"
+    setting = LATENCY
     broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))
     found = {"clean": make_result("101"), setting: replace(broken, ticks=0)}
     needed = [EpisodesNeeded("driver", "one-per-scenario", name, (0,), (name,)) for name in found]

@@ -51,7 +51,7 @@ driveRobust.views.set("episode", (() => {
     const heading = [
       h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
       h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
-      h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
+      h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}${divergedOf(episode)}`),
     ];
     const shown = scenes.filter(({ data }) => data.motion);
     const moves = shown.some((scene) => scene.episode === episode);
@@ -70,6 +70,10 @@ driveRobust.views.set("episode", (() => {
       start: player ? () => player.start() : null,
       stop: player ? () => player.stop() : null,
     };
+  }
+
+  function divergedOf({ parted, partedBy }) {
+    return parted === null ? "" : `; diverged from its clean twin at ${seconds(parted)} ${partedBy}`;
   }
 
   function facts(episode, beside) {
