@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from urllib.parse import quote
 
 import pytest
@@ -25,6 +26,31 @@ from pytest_drive_robust.store.events import EpisodesNeeded, Used
 from pytest_drive_robust.verdict.explain import seconds_text
 
 pytestmark = pytest.mark.slow
+SAMPLE = Path(__file__).parents[2] / "docs" / "extra" / "sample-report"
+
+
+def drawn(page):
+    """Return the lines that the player draws, as (colour, whether it is broken), and the words."""
+    return page.evaluate("""() => {
+      const pen = CanvasRenderingContext2D.prototype;
+      const { stroke, fillText } = pen;
+      const [lines, words] = [[], []];
+      pen.stroke = function (...of) {
+        lines.push([this.strokeStyle, this.getLineDash().length > 0]);
+        stroke.apply(this, of);
+      };
+      pen.fillText = function (...of) {
+        words.push(of[0]);
+        fillText.apply(this, of);
+      };
+      driveRobust.player.fit();
+      Object.assign(pen, { stroke, fillText });
+      return { lines, words };
+    }""")
+
+
+def colour(page, name):
+    return page.evaluate(f"getComputedStyle(document.documentElement).getPropertyValue('--{name}').trim()")
 
 
 def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
@@ -180,8 +206,7 @@ def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
     page.wait_for_selector("canvas")
     names = {name for item in page.locator(".player .swatch").all() for name in item.get_attribute("class").split()}
     assert {"clean", "perturbed", "twin", "route", "plan", "wrong", "parted", "told"} <= names
-    colour = "name => getComputedStyle(document.documentElement).getPropertyValue(name)"
-    assert page.evaluate(colour, "--wrong") != page.evaluate(colour, "--plan")
+    assert colour(page, "wrong") != colour(page, "plan")
     below = """() => {
       const strips = document.querySelector("canvas.strips");
       const high = Math.round(13 * strips.height / strips.clientHeight);
@@ -189,6 +214,42 @@ def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
       return axis.filter((value, at) => at % 4 === 3 && value > 0).length;
     }"""
     assert page.evaluate(below) > 100
+
+
+def test_the_place_of_what_goes_wrong_is_ringed_before_it_happens(opened, tmp_path):
+    hit = Infraction(InfractionKind.COLLISION_VEHICLE, 40, "hit van at 6.4 m/s", x_m=12.0)
+    report = opened(report_of(tmp_path, make_result("101", infractions=[hit], trace=trace_of(60))))
+    for second, broken in ((0.0, True), (2.5, False)):
+        page = report.go(f"#/episode/driver/clean/101/0?t={second}")
+        page.wait_for_selector("canvas")
+        assert [colour(page, "wrong"), broken] in drawn(page)["lines"]
+        assert [colour(page, "wrong"), True] not in drawn(page)["lines"] or broken
+
+
+def test_a_perturbed_gps_tells_by_how_much_it_is_off(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    assert re.fullmatch(r"GPS off by \d+ m", text(page, ".pane.perturbed .told"))
+    assert text(page, ".pane.clean .told") == ""
+
+
+def test_lights_are_told_apart_without_their_colours(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=15.5")
+    page.wait_for_selector("canvas")
+    lines = drawn(page)["lines"]
+    assert [colour(page, "green"), True] in lines
+    assert [colour(page, "red"), False] in lines
+    assert [colour(page, "red"), True] not in lines
+    assert page.locator(".legend .swatch.light").count() == 1
+
+
+def test_the_numbers_of_a_replay_say_what_they_are(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=15.5")
+    page.wait_for_selector("canvas")
+    names = {"speed, 0 to 31 km/h", "throttle, 0 to 1", "brake, 0 to 1", "steer, left is up"}
+    assert names <= set(drawn(page)["words"])
+    assert "200 ms latency DS 60 \u2717" in page.locator(".chips a").all_inner_texts()
+    assert text(page, "table.facts tbody th") == "driving score (DS)"
 
 
 def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path):

@@ -65,7 +65,7 @@ driveRobust.views.set("episode", (() => {
         player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
         film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" }), h("p", { class: "soft" }, `films/${film}`)) : null,
         facts(episode, beside),
-        others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
+        others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? `DS ${fixed(item.ds, 0)} ${item.success ? "\u2713" : "\u2717"}` : "\u2013")))))) : null,
       ],
       start: player ? () => player.start() : null,
       stop: player ? () => player.stop() : null,
@@ -84,7 +84,7 @@ driveRobust.views.set("episode", (() => {
       driveRobust.scroller("In numbers", h("table", { class: "facts" },
         h("thead", {}, h("tr", {}, h("td", {}), [beside, episode].filter(Boolean).map((item) => h("th", { scope: "col" }, titleOf(item, episode))))),
         h("tbody", {},
-          row("driving score", (item) => fixed(item.ds, 1)),
+          row("driving score (DS)", (item) => fixed(item.ds, 1)),
           row("route completed", (item) => (item.completion === null ? "\u2013" : `${fixed(item.completion, 1)} %`)),
           row("comfort", (item) => (item.comfort === null ? "\u2013" : `${fixed(item.comfort, 0)} %`)),
           row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
@@ -153,7 +153,7 @@ driveRobust.views.set("episode", (() => {
           /* Official results do not tell when an infraction happened: show it at the end of the episode. */
           marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
         }
-        marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });
+        marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane, over: pane.episode.outcome === "completed" });
       }
       return marks.sort((one, other) => one.second - other.second);
     }
@@ -196,7 +196,8 @@ driveRobust.views.set("episode", (() => {
         two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
         two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
-        item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
+        item("wrong", `what went wrong: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}; a ring where it happened, broken before it does`),
+        this.own.scene.hasLights() ? item("light", "stop line of a light, broken while green") : null,
         this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "the perturbation is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
@@ -357,7 +358,10 @@ driveRobust.views.set("episode", (() => {
       const ego = pane.scene.at(tick);
       const told = pane.scene.told(tick);
       pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
-      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "";
+      pane.toldNode.textContent = [
+        told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "",
+        driveRobust.Scene.isMisplaced(told, ego) ? `GPS off by ${Math.round(Math.hypot(told.x - ego.x, told.y - ego.y))} m` : "",
+      ].filter(Boolean).join(", ");
       for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
       pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
       const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => SIGNALS[span.signal] || `camera ${span.signal}`);
@@ -393,6 +397,7 @@ driveRobust.views.set("episode", (() => {
         context.strokeStyle = colours.rule;
         context.lineWidth = 1;
         context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
+        if (name === "steer") context.strokeRect(0.5, Math.round(top + high / 2) + 0.5, width - 1, 0);
         for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
           const { motion } = pane.scene;
           context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
@@ -412,7 +417,7 @@ driveRobust.views.set("episode", (() => {
         const at = Math.min(Math.round(x(mark.second / this.dt)), width - 1) + 0.5;
         if (drawn.has(at)) continue;
         drawn.add(at);
-        context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : colours.wrong;
+        context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : mark.over ? colours.perturbed : colours.wrong;
         context.setLineDash(mark.kind === "parted" ? [4, 3] : []);
         context.lineWidth = 1.5;
         context.beginPath();
@@ -433,7 +438,7 @@ driveRobust.views.set("episode", (() => {
       context.fillStyle = this.colours.faint;
       let top = 0;
       for (const [name, share] of rows) {
-        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
+        const words = { speed: `speed, 0 to ${Math.round(fastest * 3.6)} km/h`, steer: "steer, left is up" }[name] || `${name}, 0 to 1`;
         context.strokeText(words, width - 8, top + 13);
         context.fillText(words, width - 8, top + 13);
         top += height * share;
