@@ -200,6 +200,25 @@ def test_verdicts_have_other_colours_than_clean_and_perturbed_and_marks(opened, 
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_lies_beyond_a_limit_is_seen_in_both_themes(opened, scheme):
+    page = opened(scheme=scheme).go()
+    shades = page.evaluate("""() => {
+      const numbers = (words) => words.match(/[\\d.]+/g).map(Number);
+      const { fill, opacity } = getComputedStyle(document.querySelector(".bullet .forbidden"));
+      const under = numbers(getComputedStyle(document.body).backgroundColor);
+      return [under, numbers(fill).map((value, at) => opacity * value + (1 - opacity) * under[at])];
+    }""")
+    dark, bright = sorted(luminance(shade) for shade in shades)
+    assert (bright + 0.05) / (dark + 0.05) > 1.2
+
+
+def luminance(rgb):
+    """Return the relative luminance of WCAG 2 of a colour 0..255."""
+    linear = [value / 3294.6 if value <= 10 else ((value / 255 + 0.055) / 1.055) ** 2.4 for value in rgb]
+    return sum(share * value for share, value in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_axe_finds_no_fault(opened, scheme):
     axe = resources.files("axe_playwright_python").joinpath("axe.min.js").read_text(encoding="utf-8")
     report = opened(scheme=scheme)
