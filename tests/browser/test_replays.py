@@ -130,6 +130,16 @@ def test_what_was_hit_and_when_the_two_diverged_stand_where_they_are_read_first(
     assert text(page, ".lead") == f"driver under {LATENCY}: {told}; {diverged}"
 
 
+def test_an_episode_leads_back_to_the_requirements_that_read_it(opened):
+    report = opened(SAMPLE)
+    page = report.go("#/episode/classical/200%20ms%20latency/3301/0")
+    page.wait_for_selector("canvas")
+    ways = ["RD under 200 ms latency <= 0.20", LATENCY, "SignalizedJunctionLeftTurnEnterFlow"]
+    assert page.locator(".crumbs a").all_inner_texts() == ways
+    report.follow(page.locator(".crumbs a").first)
+    assert text(page).endswith("pass RD under 200 ms latency <= 0.20")
+
+
 def test_an_episode_names_the_command_that_drives_it_again(opened):
     page = opened().go(EPISODE)
     told = page.locator("main code").inner_text()

@@ -49,7 +49,7 @@ driveRobust.views.set("episode", (() => {
     const { episodes } = driveRobust;
     const run = driveRobust.given.get("run");
     const heading = [
-      h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
+      h("p", { class: "crumbs" }, judgedBy(run, episode).map((item) => [h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), " / "]), h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
       h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
       h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}${divergedOf(episode)}`),
     ];
@@ -70,6 +70,12 @@ driveRobust.views.set("episode", (() => {
       start: player ? () => player.start() : null,
       stop: player ? () => player.stop() : null,
     };
+  }
+
+  /* Return the requirements whose verdicts read the episode: the way back to why it was driven. */
+  function judgedBy(run, episode) {
+    const reads = (item) => item.agent === episode.agent && item.setting === episode.setting && item.order.includes(episode.route) && item.seeds.includes(episode.seed);
+    return episode.run ? [] : run.requirements.filter(reads);
   }
 
   function divergedOf({ parted, partedBy }) {
