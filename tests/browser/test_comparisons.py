@@ -25,7 +25,9 @@ def test_two_runs_are_compared_and_a_flip_opens_both(opened):
     rows = data_of(report.folder)["comparison"]["settings"]
     assert page.locator("section").first.locator("tbody tr").count() == len(rows)
     assert sum(len(cell["flips"]) for cell in rows) > 0
-    report.follow(page.locator("section", has=page.locator("h2", has_text="Newly")).first.locator("tbody th a").first)
+    newly = page.locator("section", has=page.locator("h2", has_text="Newly")).first
+    assert newly.locator("td strong").all_inner_texts()[:2] == ["DS 100.0", "DS 50.0"]
+    report.follow(newly.locator("tbody th a").first)
     page.wait_for_selector("canvas")
     assert page.locator("figcaption strong").all_inner_texts()[0].startswith("before:")
 

@@ -57,7 +57,7 @@ driveRobust.views.set("compare", (() => {
         const { episodes } = driveRobust;
         const now = episodes.find(0, flip.cell.agent, flip.cell.setting, flip.route, flip.after.seed);
         const name = `${flip.scenario} ${flip.route}`;
-        const score = (item) => [h("strong", {}, fixed(item.ds, 1)), " ", h("span", { class: "soft" }, item.story)];
+        const score = (item) => [h("strong", {}, `DS ${fixed(item.ds, 1)}`), " ", h("span", { class: "soft" }, item.story)];
         return h("tr", {}, h("th", { scope: "row" }, now ? h("a", { href: episodes.href(now, momentOf(now, flip), { with: "before" }) }, name) : name), h("td", {}, flip.cell.setting), h("td", {}, score(flip.before)), h("td", {}, score(flip.after)));
       })))));
   }
