@@ -77,6 +77,14 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
 
 
+def test_what_happened_leads_to_what_was_before_and_says_so(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=0")
+    page.wait_for_selector("canvas")
+    page.get_by_role("button", name="hit van").click()
+    assert tick(page) == 330
+    assert text(page, "#told") == "16.5 s, before: hit van at 23 km/h"
+
+
 def test_keys_act_only_while_the_player_has_the_focus(opened):
     page = opened().go(EPISODE)
     page.wait_for_selector("canvas")
@@ -138,6 +146,10 @@ def test_an_episode_leads_back_to_the_requirements_that_read_it(opened):
     assert page.locator(".crumbs a").all_inner_texts() == ways
     report.follow(page.locator(".crumbs a").first)
     assert text(page).endswith("pass RD under 200 ms latency <= 0.20")
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    both = "RD under GPS noise 15 m <= 0.01, SR under GPS noise 15 m >= 0.99 / GPS noise 15 m / "
+    assert text(page, ".crumbs").startswith(both)
 
 
 def test_an_episode_names_the_command_that_drives_it_again(opened):

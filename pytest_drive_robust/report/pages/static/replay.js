@@ -3,6 +3,7 @@
 driveRobust.views.set("episode", (() => {
   const { h, link, place, fixed, seconds, breakable } = driveRobust;
   const AXIS = 16;
+  const LEAD_S = 2;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
     collisions_pedestrian: "hit a pedestrian", collisions_vehicle: "hit a vehicle", collisions_layout: "hit an obstacle",
@@ -49,7 +50,7 @@ driveRobust.views.set("episode", (() => {
     const { episodes } = driveRobust;
     const run = driveRobust.given.get("run");
     const heading = [
-      h("p", { class: "crumbs" }, judgedBy(run, episode).map((item) => [h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), " / "]), h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
+      h("p", { class: "crumbs" }, judgedBy(run, episode).map((item, at, { length }) => [h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), at < length - 1 ? ", " : " / "]), h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
       h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
       h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}${divergedOf(episode)}`),
     ];
@@ -178,7 +179,7 @@ driveRobust.views.set("episode", (() => {
       this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
       this.cursor = h("div", { class: "cursor" });
       this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
-      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
+      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.before(mark) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
       return h("div", { class: "player", role: "group", "aria-label": "Player", tabindex: "0", onkeydown: (event) => this.key(event) },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
         h("div", { class: "controls", role: "group", "aria-label": "Controls" },
@@ -290,6 +291,12 @@ driveRobust.views.set("episode", (() => {
       const marks = this.marks.filter((mark) => (way > 0 ? mark.second > now + 0.06 : mark.second < now - 0.06));
       const mark = way > 0 ? marks[0] : marks[marks.length - 1];
       if (mark) { this.seek(mark.second / this.dt); driveRobust.tell(`${seconds(mark.second)}: ${mark.words}`); }
+    }
+
+    /* Show what led to a mark. */
+    before(mark) {
+      this.seek((mark.second - LEAD_S) / this.dt);
+      driveRobust.tell(`${seconds(this.tick * this.dt)}, before: ${mark.words}`);
     }
 
     remember() {
