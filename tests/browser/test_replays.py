@@ -265,6 +265,12 @@ def test_lights_are_told_apart_without_their_colours(opened):
     assert page.locator(".legend .swatch.light").count() == 1
 
 
+def test_an_episode_without_a_fault_ends_without_the_colour_of_one(opened):
+    page = opened(SAMPLE).go("#/episode/classical/GPS%20noise%2015%20m/1301/0")
+    page.wait_for_selector("canvas")
+    assert colour(page, "wrong") not in [line for line, _ in drawn(page)["lines"]]
+
+
 def test_the_numbers_of_a_replay_say_what_they_are(opened):
     page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=15.5")
     page.wait_for_selector("canvas")
