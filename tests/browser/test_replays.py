@@ -77,6 +77,13 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
 
 
+def test_keys_are_explained_in_an_enlarged_page_too(opened):
+    page = opened(width=640, height=450).go(EPISODE)  # 1280 x 900 at 200 %
+    page.wait_for_selector("canvas")
+    assert page.locator(".keys").is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 640
+
+
 def test_what_happened_leads_to_what_was_before_and_says_so(opened):
     page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=0")
     page.wait_for_selector("canvas")
