@@ -40,6 +40,23 @@ def test_the_overview_shows_every_setting_and_what_was_chosen(opened):
     assert "agent=" in page.evaluate("location.hash")
 
 
+def test_the_overview_opens_episodes_with_the_worst_first(opened, tmp_path):
+    clean = [scored("101", 20.0), scored("301", 100.0), scored("501", 90.0)]
+    late = [scored(name, score, setting=LATENCY) for name, score in (("101", 20.0), ("301", 70.0), ("501", 30.0))]
+    report = opened(report_of(tmp_path, *clean, *late))
+    for setting, order, words in (
+        ("clean", ["101", "501", "301"], "the lowest driving score (DS)"),
+        (LATENCY, ["501", "301", "101"], "the largest loss of driving score (DS) against clean"),
+    ):
+        row = report.go().locator(".matrix tbody tr", has_text=setting)
+        page = report.follow(row.locator("td a").first)
+        assert page.locator("table.episodes td.route").all_inner_texts() == order
+        assert page.get_by_text(f"The worst first: {words}").is_visible()
+        page.locator("button.sort", has_text="route").click()
+        assert page.locator("table.episodes td.route").all_inner_texts() == sorted(order)
+        assert page.get_by_text("The worst first").is_hidden()
+
+
 def test_failures_are_counted_by_setting_and_open_their_episodes(opened):
     report = opened()
     page = report.go("#/failures")

@@ -101,7 +101,7 @@ driveRobust.views.set("", (() => {
     const empty = value === null || value === undefined;
     const inside = [shown(value), interval ? h("span", { class: "range" }, ` ${rangeOf(metric, interval)}`) : null];
     return h("td", { class: `number heat${share === null ? " flat" : share < 0.5 ? " low" : ""}`, title: words.join(", "), vars: share === null ? {} : { share: `${Math.round(Math.abs(share - 0.5) * 200)}%` } },
-      empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
+      empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting, order: "worst" }) }, inside));
   }
 
   /* As in the terminal, the interval of a driving score has no decimals. */
