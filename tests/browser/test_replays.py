@@ -90,6 +90,11 @@ def test_what_happened_leads_to_what_was_before_and_says_so(opened):
     page.get_by_role("button", name="hit van").click()
     assert tick(page) == 330
     assert text(page, "#told") == "16.5 s, before: hit van at 23 km/h"
+    page.get_by_role("button", name="Next event").click()
+    assert text(page, "#told") == "18.5 s: hit van at 23 km/h"
+    page.get_by_role("button", name="Previous event").click()
+    assert tick(page) < 330
+    assert "next and previous event" in text(page, ".keys")
 
 
 def test_keys_act_only_while_the_player_has_the_focus(opened):
@@ -212,7 +217,7 @@ def test_the_second_of_the_end_is_shown_once_and_rounded_as_the_others(opened, t
     page.wait_for_selector("canvas")
     assert "9.3 s" in result.end_detail
     assert "9.3 s" not in text(page, "main")
-    assert text(page, ".marks li") == "9.4 s reached the end"
+    assert text(page, ".events li") == "9.4 s reached the end"
     page.locator(".player").focus()
     page.keyboard.press("End")
     assert text(page, ".state") == "ended at 9.4 s: reached the end"
@@ -225,7 +230,7 @@ def test_what_official_results_do_not_tell_is_not_shown_as_0(opened, tmp_path):
         page = opened(report_of(tmp_path / simulator, result, simulator=simulator)).go("#/episode/driver/clean/101/0")
         page.wait_for_selector("canvas")
         assert page.locator(".meter").count() == meters
-        assert page.locator(".marks .when").all_inner_texts() == ["?", "2.0 s"]
+        assert page.locator(".events .when").all_inner_texts() == ["?", "2.0 s"]
         assert text(page, ".state") == ""
         assert " at " not in text(page, "p.lead")
 

@@ -1,5 +1,5 @@
 "use strict";
-/* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
+/* The replay: an episode beside its clean twin, with strips, events and a clock that both share. */
 driveRobust.views.set("episode", (() => {
   const { h, link, place, fixed, seconds, breakable } = driveRobust;
   const AXIS = 16;
@@ -148,21 +148,21 @@ driveRobust.views.set("episode", (() => {
       this.scale = 7;
       this.showPlan = true;
       this.playing = false;
-      this.marks = this.marksOf();
+      this.events = this.eventsOf();
     }
 
-    marksOf() {
-      const marks = [];
+    eventsOf() {
+      const events = [];
       const own = this.own.episode;
-      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
+      if (own.parted !== null && this.twin) events.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
-        for (const event of pane.episode.events) {
+        for (const infraction of pane.episode.events) {
           /* Official results do not tell when an infraction happened: show it at the end of the episode. */
-          marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
+          events.push({ second: infraction.second ?? pane.episode.seconds, known: infraction.second !== null, words: infraction.detail || KINDS[infraction.kind] || infraction.kind, kind: pane.role, pane });
         }
-        marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane, over: pane.episode.outcome === "completed" });
+        events.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane, over: pane.episode.outcome === "completed" });
       }
-      return marks.sort((one, other) => one.second - other.second);
+      return events.sort((one, other) => one.second - other.second);
     }
 
     nodes() {
@@ -179,21 +179,21 @@ driveRobust.views.set("episode", (() => {
       this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
       this.cursor = h("div", { class: "cursor" });
       this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
-      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.before(mark) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
+      this.eventList = h("ol", { class: "events" }, this.events.map((event) => h("li", { class: event.kind }, h("button", { type: "button", onclick: () => this.before(event) }, h("span", { class: "when" }, event.known === false ? "?" : seconds(event.second)), " ", event.pane && two ? h("span", { class: `of ${event.kind}` }, `${titleOf(event.pane.episode, this.own.episode)}: `) : null, event.words))));
       return h("div", { class: "player", role: "group", "aria-label": "Player", tabindex: "0", onkeydown: (event) => this.key(event) },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
         h("div", { class: "controls", role: "group", "aria-label": "Controls" },
           this.playButton,
           h("button", { type: "button", "aria-label": "One tick back", onclick: () => this.step(-1) }, "\u2039"),
           h("button", { type: "button", "aria-label": "One tick on", onclick: () => this.step(1) }, "\u203a"),
-          h("button", { type: "button", onclick: () => this.next(-1) }, "Previous mark"),
-          h("button", { type: "button", onclick: () => this.next(1) }, "Next mark"),
+          h("button", { type: "button", onclick: () => this.next(-1) }, "Previous event"),
+          h("button", { type: "button", onclick: () => this.next(1) }, "Next event"),
           this.clock, speed, h("label", { class: "zoom" }, "zoom", zoom), plan, this.linkButton),
         this.range,
         this.stripFrame,
         this.legend(two),
         h("div", { class: "below" },
-          h("section", {}, h("h2", {}, "What happened"), this.events),
+          h("section", {}, h("h2", {}, "What happened"), this.eventList),
           h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, "They act while the player has the focus: click on it, or reach it with Tab."), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
     }
 
@@ -205,7 +205,7 @@ driveRobust.views.set("episode", (() => {
         item("route", "route"), item("plan", "the agent's plan"),
         item("wrong", `what went wrong: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}; a ring where it happened, broken before it does`),
         this.own.scene.hasLights() ? item("light", "stop line of a light, broken while green") : null,
-        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
+        this.events.some((event) => event.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "the perturbation is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
@@ -288,15 +288,15 @@ driveRobust.views.set("episode", (() => {
 
     next(way) {
       const now = this.tick * this.dt;
-      const marks = this.marks.filter((mark) => (way > 0 ? mark.second > now + 0.06 : mark.second < now - 0.06));
-      const mark = way > 0 ? marks[0] : marks[marks.length - 1];
-      if (mark) { this.seek(mark.second / this.dt); driveRobust.tell(`${seconds(mark.second)}: ${mark.words}`); }
+      const events = this.events.filter((event) => (way > 0 ? event.second > now + 0.06 : event.second < now - 0.06));
+      const event = way > 0 ? events[0] : events[events.length - 1];
+      if (event) { this.seek(event.second / this.dt); driveRobust.tell(`${seconds(event.second)}: ${event.words}`); }
     }
 
-    /* Show what led to a mark. */
-    before(mark) {
-      this.seek((mark.second - LEAD_S) / this.dt);
-      driveRobust.tell(`${seconds(this.tick * this.dt)}, before: ${mark.words}`);
+    /* Show what led to an event. */
+    before(event) {
+      this.seek((event.second - LEAD_S) / this.dt);
+      driveRobust.tell(`${seconds(this.tick * this.dt)}, before: ${event.words}`);
     }
 
     remember() {
@@ -426,12 +426,12 @@ driveRobust.views.set("episode", (() => {
       }
       this.drawSeconds(context, width, height);
       const drawn = new Set();
-      for (const mark of this.marks) {
-        const at = Math.min(Math.round(x(mark.second / this.dt)), width - 1) + 0.5;
+      for (const event of this.events) {
+        const at = Math.min(Math.round(x(event.second / this.dt)), width - 1) + 0.5;
         if (drawn.has(at)) continue;
         drawn.add(at);
-        context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : mark.over ? colours.perturbed : colours.wrong;
-        context.setLineDash(mark.kind === "parted" ? [4, 3] : []);
+        context.strokeStyle = event.kind === "parted" ? colours.ink : event.kind === "clean" ? colours.clean : event.over ? colours.perturbed : colours.wrong;
+        context.setLineDash(event.kind === "parted" ? [4, 3] : []);
         context.lineWidth = 1.5;
         context.beginPath();
         context.moveTo(at, 0);
@@ -478,7 +478,7 @@ driveRobust.views.set("episode", (() => {
     }
   }
 
-  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous event"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
 
   return { render };
 })());
