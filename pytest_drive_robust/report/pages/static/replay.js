@@ -2,7 +2,6 @@
 /* The replay: an episode beside its clean twin, with strips, events and a clock that both share. */
 driveRobust.views.set("episode", (() => {
   const { h, link, place, fixed, seconds, breakable } = driveRobust;
-  const AXIS = 16;
   const LEAD_S = 2;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
@@ -176,9 +175,7 @@ driveRobust.views.set("episode", (() => {
       const zoom = h("input", { type: "range", min: 2, max: 20, step: 0.5, value: this.scale, "aria-label": "Zoom", oninput: (event) => { this.scale = Number(event.target.value); this.draw(); } });
       const plan = h("label", { class: "check" }, h("input", { type: "checkbox", checked: true, onchange: (event) => { this.showPlan = event.target.checked; this.draw(); } }), "plan");
       this.linkButton = h("button", { type: "button", onclick: () => this.copy() }, "Copy link");
-      this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
-      this.cursor = h("div", { class: "cursor" });
-      this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
+      this.strips = new driveRobust.Strips(this, (tick) => this.seek(tick));
       this.eventList = h("ol", { class: "events" }, this.events.map((event) => h("li", { class: event.kind }, h("button", { type: "button", onclick: () => this.before(event) }, h("span", { class: "when" }, event.known === false ? "?" : seconds(event.second)), " ", event.pane && two ? h("span", { class: `of ${event.kind}` }, `${titleOf(event.pane.episode, this.own.episode)}: `) : null, event.words))));
       return h("div", { class: "player", role: "group", "aria-label": "Player", tabindex: "0", onkeydown: (event) => this.key(event) },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
@@ -190,7 +187,7 @@ driveRobust.views.set("episode", (() => {
           h("button", { type: "button", onclick: () => this.next(1) }, "Next event"),
           this.clock, speed, h("label", { class: "zoom" }, "zoom", zoom), plan, this.linkButton),
         this.range,
-        this.stripFrame,
+        this.strips.node,
         this.legend(two),
         h("div", { class: "below" },
           h("section", {}, h("h2", {}, "What happened"), this.eventList),
@@ -225,16 +222,11 @@ driveRobust.views.set("episode", (() => {
           [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
 
-    stripWords() {
-      const own = this.own.episode;
-      return `Speed, throttle, brake and steering over ${seconds(own.seconds)}. ${own.story}.`;
-    }
-
     start() {
       this.colours = coloursNow();
       this.resizer = new ResizeObserver(() => this.fit());
       this.panes.forEach((pane) => this.resizer.observe(pane.canvas));
-      this.resizer.observe(this.strips);
+      this.resizer.observe(this.strips.canvas);
       this.onTheme = () => { this.colours = coloursNow(); this.fit(); };
       document.addEventListener("drive-robust-theme", this.onTheme);
       this.fit();
@@ -250,11 +242,11 @@ driveRobust.views.set("episode", (() => {
 
     fit() {
       const ratio = Math.min(window.devicePixelRatio || 1, 2);
-      for (const canvas of [...this.panes.map((pane) => pane.canvas), this.strips]) {
+      for (const canvas of [...this.panes.map((pane) => pane.canvas), this.strips.canvas]) {
         const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
         if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
       }
-      this.drawStrips(ratio);
+      this.strips.draw(ratio, this.colours);
       this.draw();
     }
 
@@ -312,17 +304,6 @@ driveRobust.views.set("episode", (() => {
       setTimeout(() => { this.linkButton.textContent = "Copy link"; }, 1500);
     }
 
-    drag(event) {
-      const move = (moved) => {
-        const box = this.strips.getBoundingClientRect();
-        this.seek(((moved.clientX - box.left) / box.width) * this.length);
-      };
-      move(event);
-      this.stripFrame.setPointerCapture(event.pointerId);
-      this.stripFrame.onpointermove = move;
-      this.stripFrame.onpointerup = () => { this.stripFrame.onpointermove = null; };
-    }
-
     /* Called only while the player has the focus: single letters that act anywhere are pressed by speech input (WCAG 2.1.4). */
     key(event) {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
@@ -364,7 +345,7 @@ driveRobust.views.set("episode", (() => {
       this.range.value = Math.round(this.tick);
       this.range.setAttribute("aria-valuetext", seconds(now));
       this.clock.textContent = `${fixed(now, 2)} s`;
-      this.cursor.style.setProperty("left", `${(100 * this.tick) / this.length}%`);
+      this.strips.point(this.tick);
     }
 
     dash(pane, tick, now, over) {
@@ -384,97 +365,6 @@ driveRobust.views.set("episode", (() => {
       const text = over ? `ended at ${seconds(pane.episode.seconds)}: ${pane.episode.end}` : event ? event.detail : words.length ? `perturbation at work: ${words.join(", ")}` : "";
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
-    }
-
-    drawStrips(ratio) {
-      const context = this.strips.getContext("2d");
-      const width = this.strips.clientWidth;
-      const height = this.strips.clientHeight - AXIS;
-      if (!width) return;
-      context.setTransform(ratio, 0, 0, ratio, 0, 0);
-      context.clearRect(0, 0, width, height + AXIS);
-      const { colours } = this;
-      const x = (tick) => (tick / this.length) * width;
-      const rows = [["speed", 0.46], ["throttle", 0.18], ["brake", 0.18], ["steer", 0.18]];
-      const fastest = Math.max(5, ...this.panes.flatMap((pane) => [Math.max(...pane.scene.motion.speed) / 100]));
-      for (const span of this.own.episode.spans) {
-        context.fillStyle = colours.perturbed;
-        context.globalAlpha = 0.13;
-        context.fillRect(x(span.first), 0, Math.max(1, x(span.last + 1) - x(span.first)), height);
-        context.globalAlpha = 1;
-      }
-      let top = 0;
-      context.font = "11px system-ui, sans-serif";
-      for (const [name, share] of rows) {
-        const high = height * share;
-        context.strokeStyle = colours.rule;
-        context.lineWidth = 1;
-        context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
-        if (name === "steer") context.strokeRect(0.5, Math.round(top + high / 2) + 0.5, width - 1, 0);
-        for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
-          const { motion } = pane.scene;
-          context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
-          context.lineWidth = 1.5;
-          context.beginPath();
-          for (let row = 0; row < motion.rows; row += 1) {
-            const value = name === "speed" ? motion.speed[row] / 100 / fastest : name === "steer" ? 0.5 - motion.steer[row] / 2000 : motion[name][row] / 1000;
-            context.lineTo(x(row * motion.every + 1), top + high - 2 - value * (high - 4));
-          }
-          context.stroke();
-        }
-        top += high;
-      }
-      this.drawSeconds(context, width, height);
-      const drawn = new Set();
-      for (const event of this.events) {
-        const at = Math.min(Math.round(x(event.second / this.dt)), width - 1) + 0.5;
-        if (drawn.has(at)) continue;
-        drawn.add(at);
-        context.strokeStyle = event.kind === "parted" ? colours.ink : event.kind === "clean" ? colours.clean : event.over ? colours.perturbed : colours.wrong;
-        context.setLineDash(event.kind === "parted" ? [4, 3] : []);
-        context.lineWidth = 1.5;
-        context.beginPath();
-        context.moveTo(at, 0);
-        context.lineTo(at, height);
-        context.stroke();
-        context.setLineDash([]);
-      }
-      this.nameStrips(context, rows, width, height, fastest);
-    }
-
-    /* The names stand at the right end, above all lines: what went wrong is mostly at the left, before a car stands still. */
-    nameStrips(context, rows, width, height, fastest) {
-      context.textAlign = "right";
-      context.lineWidth = 4;
-      context.lineJoin = "round";
-      context.strokeStyle = this.colours.page;
-      context.fillStyle = this.colours.faint;
-      let top = 0;
-      for (const [name, share] of rows) {
-        const words = { speed: `speed, 0 to ${Math.round(fastest * 3.6)} km/h`, steer: "steer, left is up" }[name] || `${name}, 0 to 1`;
-        context.strokeText(words, width - 8, top + 13);
-        context.fillText(words, width - 8, top + 13);
-        top += height * share;
-      }
-      context.textAlign = "left";
-    }
-
-    /* The axis of time below the strips. */
-    drawSeconds(context, width, height) {
-      const last = this.length * this.dt;
-      context.fillStyle = this.colours.faint;
-      context.strokeStyle = this.colours.rule;
-      context.lineWidth = 1;
-      for (const second of driveRobust.charts.ticks(0, last, Math.max(2, Math.floor(width / 90)))) {
-        const at = Math.round((second / last) * width) + 0.5;
-        context.beginPath();
-        context.moveTo(at, height);
-        context.lineTo(at, height + 4);
-        context.stroke();
-        const words = `${Number(second.toFixed(2))} s`;
-        const wide = context.measureText(words).width;
-        context.fillText(words, Math.min(Math.max(at - wide / 2, 0), width - wide), height + 14);
-      }
     }
   }
 
