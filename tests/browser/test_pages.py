@@ -40,6 +40,23 @@ def test_the_overview_shows_every_setting_and_what_was_chosen(opened):
     assert "agent=" in page.evaluate("location.hash")
 
 
+def test_the_overview_opens_episodes_with_the_worst_first(opened, tmp_path):
+    clean = [scored("101", 20.0), scored("301", 100.0), scored("501", 90.0)]
+    late = [scored(name, score, setting=LATENCY) for name, score in (("101", 20.0), ("301", 70.0), ("501", 30.0))]
+    report = opened(report_of(tmp_path, *clean, *late))
+    for setting, order, words in (
+        ("clean", ["101", "501", "301"], "the lowest driving score (DS)"),
+        (LATENCY, ["501", "301", "101"], "the largest loss of driving score (DS) against clean"),
+    ):
+        row = report.go().locator(".matrix tbody tr", has_text=setting)
+        page = report.follow(row.locator("td a").first)
+        assert page.locator("table.episodes td.route").all_inner_texts() == order
+        assert page.get_by_text(f"The worst first: {words}").is_visible()
+        page.locator("button.sort", has_text="route").click()
+        assert page.locator("table.episodes td.route").all_inner_texts() == sorted(order)
+        assert page.get_by_text("The worst first").is_hidden()
+
+
 def test_failures_are_counted_by_setting_and_open_their_episodes(opened):
     report = opened()
     page = report.go("#/failures")
@@ -164,6 +181,14 @@ def test_every_view_fits_every_width(opened, width, scheme):
         assert (sum(shade) > 600) is (scheme == "light")
 
 
+@pytest.mark.parametrize("width", [360, 390])
+def test_four_tabs_stand_on_one_line_of_a_phone(opened, width):
+    page = opened(width=width).go()
+    tabs = page.locator("nav a")
+    assert tabs.all_inner_texts() == ["Overview", "What went wrong", "Episodes", "Compare"]
+    assert len({tab.bounding_box()["y"] for tab in tabs.all()}) == 1
+
+
 def test_what_went_wrong_and_what_was_perturbed_have_words_of_their_own(opened):
     report = opened()
     for view in VIEWS:
@@ -189,6 +214,25 @@ def test_verdicts_have_other_colours_than_clean_and_perturbed_and_marks(opened, 
     mark = "cell => getComputedStyle(cell, '::after').content"
     assert page.locator("td.won").first.evaluate(mark).startswith('"\u2713"')
     assert page.locator("td.lost").first.evaluate(mark).startswith('"\u2717"')
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_lies_beyond_a_limit_is_seen_in_both_themes(opened, scheme):
+    page = opened(scheme=scheme).go()
+    shades = page.evaluate("""() => {
+      const numbers = (words) => words.match(/[\\d.]+/g).map(Number);
+      const { fill, opacity } = getComputedStyle(document.querySelector(".bullet .forbidden"));
+      const under = numbers(getComputedStyle(document.body).backgroundColor);
+      return [under, numbers(fill).map((value, at) => opacity * value + (1 - opacity) * under[at])];
+    }""")
+    dark, bright = sorted(luminance(shade) for shade in shades)
+    assert (bright + 0.05) / (dark + 0.05) > 1.2
+
+
+def luminance(rgb):
+    """Return the relative luminance of WCAG 2 of a colour 0..255."""
+    linear = [value / 3294.6 if value <= 10 else ((value / 255 + 0.055) / 1.055) ** 2.4 for value in rgb]
+    return sum(share * value for share, value in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

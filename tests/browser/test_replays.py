@@ -6,14 +6,15 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 from urllib.parse import quote
 
 import pytest
-from made_up_pages import clean_run, report_of, text, tick
+from made_up_pages import LATENCY, clean_run, report_of, text, tick
 from report_pages import EPISODE, data_of
 from result_factory import infraction, make_result, trace_of
 
-from pytest_drive_robust.domain.outcome import End, InfractionKind
+from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.film.file_name import film_name
@@ -25,6 +26,31 @@ from pytest_drive_robust.store.events import EpisodesNeeded, Used
 from pytest_drive_robust.verdict.explain import seconds_text
 
 pytestmark = pytest.mark.slow
+SAMPLE = Path(__file__).parents[2] / "docs" / "extra" / "sample-report"
+
+
+def drawn(page):
+    """Return the lines that the player draws, as (colour, whether it is broken), and the words."""
+    return page.evaluate("""() => {
+      const pen = CanvasRenderingContext2D.prototype;
+      const { stroke, fillText } = pen;
+      const [lines, words] = [[], []];
+      pen.stroke = function (...of) {
+        lines.push([this.strokeStyle, this.getLineDash().length > 0]);
+        stroke.apply(this, of);
+      };
+      pen.fillText = function (...of) {
+        words.push(of[0]);
+        fillText.apply(this, of);
+      };
+      driveRobust.player.fit();
+      Object.assign(pen, { stroke, fillText });
+      return { lines, words };
+    }""")
+
+
+def colour(page, name):
+    return page.evaluate(f"getComputedStyle(document.documentElement).getPropertyValue('--{name}').trim()")
 
 
 def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
@@ -32,6 +58,7 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     page = report.go(EPISODE)
     page.wait_for_selector("canvas")
     assert tick(page) == 80
+    page.locator(".player").focus()
     page.keyboard.press("ArrowRight")
     assert tick(page) == 81
     page.keyboard.press("Shift+ArrowLeft")
@@ -48,6 +75,39 @@ def test_an_episode_plays_steps_and_keeps_its_second_in_the_link(opened):
     assert tick(page) < page.evaluate("driveRobust.player.length")
     page.get_by_role("button", name="Play").click()
     report.until("driveRobust.player.playing || driveRobust.player.tick >= driveRobust.player.length")
+
+
+def test_keys_are_explained_in_an_enlarged_page_too(opened):
+    page = opened(width=640, height=450).go(EPISODE)  # 1280 x 900 at 200 %
+    page.wait_for_selector("canvas")
+    assert page.locator(".keys").is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") <= 640
+
+
+def test_what_happened_leads_to_what_was_before_and_says_so(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=0")
+    page.wait_for_selector("canvas")
+    page.get_by_role("button", name="hit van").click()
+    assert tick(page) == 330
+    assert text(page, "#told") == "16.5 s, before: hit van at 23 km/h"
+    page.get_by_role("button", name="Next event").click()
+    assert text(page, "#told") == "18.5 s: hit van at 23 km/h"
+    page.get_by_role("button", name="Previous event").click()
+    assert tick(page) < 330
+    assert "next and previous event" in text(page, ".keys")
+
+
+def test_keys_act_only_while_the_player_has_the_focus(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    for key in ("j", "l", "n", "p", "k", "+", "-", "End", "ArrowRight", " "):
+        page.keyboard.press(key)
+    assert tick(page) == 80
+    assert page.evaluate("[driveRobust.player.playing, driveRobust.player.speed]") == [False, 1]
+    page.locator(".pane canvas").first.click()
+    page.keyboard.press("l")
+    assert tick(page) == 180
+    assert "act while the player has the focus" in text(page, ".keys")
 
 
 def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
@@ -70,10 +130,38 @@ def test_the_scene_has_a_road_the_ego_and_a_plan_and_is_the_same_again(opened):
     near = [int(orange[at : at + 2], 16) for at in (1, 3, 5)]
     assert all(abs(one - other) <= 12 for one, other in zip(seen["ego"], near, strict=False)), (seen["ego"], near)
     assert seen["colours"] > 20
+    page.locator(".player").focus()
     page.keyboard.press("ArrowRight")
     assert page.evaluate(look)["sum"] != seen["sum"]
     page.keyboard.press("ArrowLeft")
     assert page.evaluate(look) == seen
+
+
+def test_what_was_hit_and_when_the_two_diverged_stand_where_they_are_read_first(opened, tmp_path):
+    hit = Infraction(InfractionKind.COLLISION_VEHICLE, 40, "hit van at 6.4 m/s")
+    clean = make_result("101", trace=trace_of(60))
+    late = make_result("101", setting=LATENCY, infractions=[hit], trace=trace_of(60, speed_mps=3.0))
+    report = opened(report_of(tmp_path, clean, late))
+    page = report.go("#/episodes?q=van")
+    told = "completed, collision with vehicle at 2.0 s (hit van at 23 km/h)"
+    assert page.locator("table.episodes .story").all_inner_texts() == [told]
+    report.follow(page.locator("table.episodes th a"))
+    diverged = "diverged from its clean twin at 0.1 s in speed"
+    assert text(page, ".lead") == f"driver under {LATENCY}: {told}; {diverged}"
+
+
+def test_an_episode_leads_back_to_the_requirements_that_read_it(opened):
+    report = opened(SAMPLE)
+    page = report.go("#/episode/classical/200%20ms%20latency/3301/0")
+    page.wait_for_selector("canvas")
+    ways = ["RD under 200 ms latency <= 0.20", LATENCY, "SignalizedJunctionLeftTurnEnterFlow"]
+    assert page.locator(".crumbs a").all_inner_texts() == ways
+    report.follow(page.locator(".crumbs a").first)
+    assert text(page).endswith("pass RD under 200 ms latency <= 0.20")
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    both = "RD under GPS noise 15 m <= 0.01, SR under GPS noise 15 m >= 0.99 / GPS noise 15 m / "
+    assert text(page, ".crumbs").startswith(both)
 
 
 def test_an_episode_names_the_command_that_drives_it_again(opened):
@@ -117,6 +205,7 @@ def test_a_replay_runs_to_the_last_tick_and_tells_how_the_episode_ended(opened, 
     report = opened(report_of(tmp_path, make_result("101", trace=trace_of(ticks), end_detail="arrived")))
     page = report.go("#/episode/driver/clean/101/0")
     page.wait_for_selector("canvas")
+    page.locator(".player").focus()
     page.keyboard.press("End")
     assert tick(page) == ticks
     assert text(page, ".state") == f"ended at {seconds_text(ticks * 0.05)}: arrived"
@@ -128,7 +217,8 @@ def test_the_second_of_the_end_is_shown_once_and_rounded_as_the_others(opened, t
     page.wait_for_selector("canvas")
     assert "9.3 s" in result.end_detail
     assert "9.3 s" not in text(page, "main")
-    assert text(page, ".marks li") == "9.4 s reached the end"
+    assert text(page, ".events li") == "9.4 s reached the end"
+    page.locator(".player").focus()
     page.keyboard.press("End")
     assert text(page, ".state") == "ended at 9.4 s: reached the end"
 
@@ -140,7 +230,7 @@ def test_what_official_results_do_not_tell_is_not_shown_as_0(opened, tmp_path):
         page = opened(report_of(tmp_path / simulator, result, simulator=simulator)).go("#/episode/driver/clean/101/0")
         page.wait_for_selector("canvas")
         assert page.locator(".meter").count() == meters
-        assert page.locator(".marks .when").all_inner_texts() == ["?", "2.0 s"]
+        assert page.locator(".events .when").all_inner_texts() == ["?", "2.0 s"]
         assert text(page, ".state") == ""
         assert " at " not in text(page, "p.lead")
 
@@ -150,8 +240,7 @@ def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
     page.wait_for_selector("canvas")
     names = {name for item in page.locator(".player .swatch").all() for name in item.get_attribute("class").split()}
     assert {"clean", "perturbed", "twin", "route", "plan", "wrong", "parted", "told"} <= names
-    colour = "name => getComputedStyle(document.documentElement).getPropertyValue(name)"
-    assert page.evaluate(colour, "--wrong") != page.evaluate(colour, "--plan")
+    assert colour(page, "wrong") != colour(page, "plan")
     below = """() => {
       const strips = document.querySelector("canvas.strips");
       const high = Math.round(13 * strips.height / strips.clientHeight);
@@ -159,6 +248,48 @@ def test_the_legend_of_a_replay_names_all_that_is_drawn(opened):
       return axis.filter((value, at) => at % 4 === 3 && value > 0).length;
     }"""
     assert page.evaluate(below) > 100
+
+
+def test_the_place_of_what_goes_wrong_is_ringed_before_it_happens(opened, tmp_path):
+    hit = Infraction(InfractionKind.COLLISION_VEHICLE, 40, "hit van at 6.4 m/s", x_m=12.0)
+    report = opened(report_of(tmp_path, make_result("101", infractions=[hit], trace=trace_of(60))))
+    for second, broken in ((0.0, True), (2.5, False)):
+        page = report.go(f"#/episode/driver/clean/101/0?t={second}")
+        page.wait_for_selector("canvas")
+        assert [colour(page, "wrong"), broken] in drawn(page)["lines"]
+        assert [colour(page, "wrong"), True] not in drawn(page)["lines"] or broken
+
+
+def test_a_perturbed_gps_tells_by_how_much_it_is_off(opened):
+    page = opened().go(EPISODE)
+    page.wait_for_selector("canvas")
+    assert re.fullmatch(r"GPS off by \d+ m", text(page, ".pane.perturbed .told"))
+    assert text(page, ".pane.clean .told") == ""
+
+
+def test_lights_are_told_apart_without_their_colours(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=15.5")
+    page.wait_for_selector("canvas")
+    lines = drawn(page)["lines"]
+    assert [colour(page, "green"), True] in lines
+    assert [colour(page, "red"), False] in lines
+    assert [colour(page, "red"), True] not in lines
+    assert page.locator(".legend .swatch.light").count() == 1
+
+
+def test_an_episode_without_a_fault_ends_without_the_colour_of_one(opened):
+    page = opened(SAMPLE).go("#/episode/classical/GPS%20noise%2015%20m/1301/0")
+    page.wait_for_selector("canvas")
+    assert colour(page, "wrong") not in [line for line, _ in drawn(page)["lines"]]
+
+
+def test_the_numbers_of_a_replay_say_what_they_are(opened):
+    page = opened(SAMPLE).go("#/episode/classical/200%20ms%20latency/3301/0?t=15.5")
+    page.wait_for_selector("canvas")
+    names = {"speed, 0 to 31 km/h", "throttle, 0 to 1", "brake, 0 to 1", "steer, left is up"}
+    assert names <= set(drawn(page)["words"])
+    assert "200 ms latency DS 60 \u2717" in page.locator(".chips a").all_inner_texts()
+    assert text(page, "table.facts tbody th") == "driving score (DS)"
 
 
 def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path):
@@ -176,7 +307,7 @@ def test_a_replay_is_quiet_and_leaves_the_keys_of_a_film_alone(opened, tmp_path)
 
 
 def test_an_episode_that_ended_before_its_first_tick_does_not_play_its_twin(opened, tmp_path):
-    setting = "200 ms latency"
+    setting = LATENCY
     broken = make_result("101", setting=setting, end=End.AGENT_CRASHED, end_detail="ValueError: no", trace=trace_of(0))
     found = {"clean": make_result("101"), setting: replace(broken, ticks=0)}
     needed = [EpisodesNeeded("driver", "one-per-scenario", name, (0,), (name,)) for name in found]

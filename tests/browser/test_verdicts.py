@@ -25,6 +25,8 @@ def test_a_requirement_shows_its_evidence_and_its_routes(opened):
     page = report.go(REQUIREMENT)
     assert page.locator("svg.chart circle.point").count() == 4
     assert page.locator("svg.chart a circle.pair").count() == 4
+    axes = ["routes read", "RD", "clean driving score", "perturbed driving score"]
+    assert page.locator("svg.chart text.label").all_text_contents() == axes
     assert page.locator("table.episodes tbody tr").count() == 4
     report.follow(page.locator("svg.chart a").first)
     page.wait_for_selector("canvas")

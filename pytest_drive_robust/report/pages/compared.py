@@ -19,7 +19,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
     refused = bool(comparison.refusals)
     return {
         "before": comparison.before.label,
-        "beforeMade": comparison.before.made,
+        "beforeStored": {"date": comparison.before.date, "commit": comparison.before.commit},
         "after": comparison.after.label,
         "conclusion": conclusion(comparison),
         "regressed": comparison.regressed,

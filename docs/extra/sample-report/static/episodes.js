@@ -9,9 +9,25 @@ driveRobust.episodeTable = (() => {
   ];
   const HIDDEN_NARROW = { "clean DS": "twin", driven: "driven" };
 
-  return (episodes, { clean = false, numbered = false, agent = driveRobust.episodes.agents().length > 1, setting = true } = {}) => {
+  /* Return the episodes with the worst first, and how they were ranked, as verdict/explain.py ranks routes. */
+  function ranked(episodes) {
+    const all = driveRobust.episodes.all();
+    const clean = (item) => (item.twin >= 0 ? all[item.twin].ds : null);
+    const relative = episodes.every((item) => clean(item) !== null);
+    const lost = (item) => (relative ? clean(item) : 100) - (item.ds ?? 0);
+    const words = relative ? "the largest loss of driving score (DS) against clean" : "the lowest driving score (DS)";
+    return [[...episodes].sort((one, other) => lost(other) - lost(one)), words];
+  }
+
+  return (episodes, { clean = false, numbered = false, worst = false, agent = driveRobust.episodes.agents().length > 1, setting = true } = {}) => {
     const all = driveRobust.episodes.all();
     let [sorted, way, count] = [null, 1, STEP];
+    const order = h("p", { class: "soft", hidden: !worst || episodes.length < 2 });
+    if (worst) {
+      const [items, words] = ranked(episodes);
+      episodes = items;
+      order.textContent = `The worst first: ${words}`;
+    }
     const body = h("tbody", {});
     const more = h("button", { type: "button", onclick: () => { count += STEP; fill(); } });
     const columns = COLUMNS.filter(([name]) => setting || name !== "setting");
@@ -22,6 +38,7 @@ driveRobust.episodeTable = (() => {
     function sort(name, of) {
       way = sorted === name ? -way : 1;
       sorted = name;
+      order.hidden = true;
       const collator = new Intl.Collator("en", { numeric: true });
       episodes = [...episodes].sort((one, other) => {
         const [a, b] = [of(one), of(other)];
@@ -49,7 +66,7 @@ driveRobust.episodeTable = (() => {
     }
 
     fill();
-    return [scroller("Episodes", h("table", { class: "list episodes" }, h("thead", {}, h("tr", {}, numbered ? h("td", { class: "place" }) : null, heads)), body)), more];
+    return [order, scroller("Episodes", h("table", { class: "list episodes" }, h("thead", {}, h("tr", {}, numbered ? h("td", { class: "place" }) : null, heads)), body)), more];
   };
 })();
 
@@ -95,7 +112,7 @@ driveRobust.views.set("episodes", (() => {
       const well = found.filter((item) => item.success).length;
       const chosen = [...words, ...active.map(([name]) => `${name} ${now[name]}`)].join(", ");
       count.replaceChildren(`${found.length} of ${counted(episodes.length, "episode")}: \u2713 ${well} without a fault, \u2717 ${found.length - well} went wrong`, h("span", { class: "printed" }, chosen && `; chosen: ${chosen}`));
-      results.replaceChildren(...driveRobust.episodeTable(found, { clean: true }));
+      results.replaceChildren(...driveRobust.episodeTable(found, { clean: true, worst: now.order === "worst" }));
     }
 
     const texts = new Map();

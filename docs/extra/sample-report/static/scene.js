@@ -3,8 +3,9 @@
 driveRobust.Scene = (() => {
   const KIND = { PEDESTRIAN: 5, BICYCLE: 4, EMERGENCY: 3, CONE: 6, DIRT: 12 };
   const STATE = { BRAKING: 1, LEFT: 2, RIGHT: 4, SIREN: 8 };
+  const GREEN = 0;
   const PLAN_LASTS_TICKS = 40;
-  const MISPLACED_M = 0.3;
+  const MISPLACED_M = 0.5;
   const FRESH_S = 4;
   const UNTOUCHED = -1000000;
 
@@ -75,6 +76,15 @@ driveRobust.Scene = (() => {
       };
     }
 
+    hasLights() {
+      return this.tracks !== null && this.map !== null && this.map.stops.some(([, , , , isLight]) => isLight);
+    }
+
+    /* Return whether the agent is told a place so far from its own that it is worth showing. */
+    static isMisplaced(told, ego) {
+      return told !== null && told.x !== null && Math.hypot(told.x - ego.x, told.y - ego.y) > MISPLACED_M;
+    }
+
     /* Return the signals last given to the agent, null where no perturbation changed them. */
     told(tick) {
       const { told } = this.motion;
@@ -108,7 +118,7 @@ driveRobust.Scene = (() => {
       if (plan && this.tracks) this.plan(context, colours, tick);
       const told = this.told(tick);
       this.vehicle(context, ego, this.size, colour, colours.outline, 0.12);
-      if (told && told.x !== null && Math.hypot(told.x - ego.x, told.y - ego.y) > MISPLACED_M) this.cross(context, told, colours);
+      if (Scene.isMisplaced(told, ego)) this.cross(context, told, colours);
       this.rings(context, colours, tick, dt);
     }
 
@@ -175,10 +185,13 @@ driveRobust.Scene = (() => {
         const [dx, dy] = [-Math.sin(heading / 1000) * width / 200, Math.cos(heading / 1000) * width / 200];
         context.strokeStyle = colour;
         context.lineWidth = 0.35;
+        // who cannot tell green from red sees whether the way is barred
+        context.setLineDash(isLight && state === GREEN ? [0.5, 0.4] : []);
         context.beginPath();
         context.moveTo(x / 100 - dx, y / 100 - dy);
         context.lineTo(x / 100 + dx, y / 100 + dy);
         context.stroke();
+        context.setLineDash([]);
       });
     }
 
@@ -270,15 +283,19 @@ driveRobust.Scene = (() => {
       }
     }
 
+    /* Mark where something went wrong, and with a broken ring where it will in a moment: a replay starts a little before. */
     rings(context, colours, tick, dt) {
       for (const event of this.episode.events) {
-        if (event.x === null || event.second > tick * dt) continue;
-        const fresh = event.second !== null && tick * dt - event.second < FRESH_S;
+        const since = event.second === null ? Infinity : tick * dt - event.second;
+        if (event.x === null || since < -FRESH_S) continue;
+        const near = since < FRESH_S;
         context.strokeStyle = colours.wrong;
-        context.lineWidth = fresh ? 0.5 : 0.25;
+        context.lineWidth = near && since >= 0 ? 0.5 : 0.25;
+        context.setLineDash(since < 0 ? [0.8, 0.6] : []);
         context.beginPath();
-        context.arc(event.x / 100, event.y / 100, fresh ? 3.2 : 1.6, 0, 2 * Math.PI);
+        context.arc(event.x / 100, event.y / 100, near ? 3.2 : 1.6, 0, 2 * Math.PI);
         context.stroke();
+        context.setLineDash([]);
       }
     }
   }

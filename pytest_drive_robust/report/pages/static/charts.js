@@ -53,7 +53,7 @@ driveRobust.charts = (() => {
 
   /* Draw how the value and its interval changed with every route that was read. */
   function growth(item) {
-    const [width, height, margin] = [640, 300, { left: 68, right: 16, top: 14, bottom: 44 }];
+    const [width, height, margin] = [640, 300, { left: 84, right: 16, top: 14, bottom: 44 }];
     const points = item.growth.filter((point) => point[1] !== null);
     if (!points.length) return null;
     const all = points.flatMap((point) => point.slice(1)).concat([item.limit, item.lenient]);
@@ -72,7 +72,8 @@ driveRobust.charts = (() => {
     for (const count of (last > 1 ? ticks(1, last, 8) : [1]).map(Math.round).filter((value, at, list) => value >= 1 && list.indexOf(value) === at)) {
       svg.append(h("text", { class: "tick", x: x(count), y: height - margin.bottom + 18, "text-anchor": "middle" }, count));
     }
-    svg.append(h("text", { class: "label", x: (margin.left + width - margin.right) / 2, y: height - 6, "text-anchor": "middle" }, "routes read"));
+    svg.append(h("text", { class: "label", x: (margin.left + width - margin.right) / 2, y: height - 6, "text-anchor": "middle" }, "routes read"),
+      h("text", { class: "label", transform: `translate(19 ${(margin.top + height - margin.bottom) / 2}) rotate(-90)`, "text-anchor": "middle" }, item.metric));
     const [top, bottom] = item.comparison === "<=" ? [margin.top, y(item.limit)] : [y(item.limit), height - margin.bottom];
     svg.append(h("rect", { class: "forbidden", x: margin.left, y: top, width: width - margin.left - margin.right, height: Math.max(0, bottom - top) }));
     const bounded = points.filter((point) => point[2] !== null || point[3] !== null);
@@ -111,7 +112,7 @@ driveRobust.charts = (() => {
     }
     svg.append(h("line", { class: "diagonal", x1: x(0), y1: y(0), x2: x(100), y2: y(100) }),
       h("text", { class: "label", x: (x(0) + x(100)) / 2, y: height - 6, "text-anchor": "middle" }, "clean driving score"),
-      h("text", { class: "label", transform: `translate(19 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed"));
+      h("text", { class: "label", transform: `translate(19 ${(y(0) + y(100)) / 2}) rotate(-90)`, "text-anchor": "middle" }, "perturbed driving score"));
     const seen = new Map();
     for (const [clean, perturbed, href, words] of pairs) {
       const spot = `${Math.round(clean / 3)} ${Math.round(perturbed / 3)}`;

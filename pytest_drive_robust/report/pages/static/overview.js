@@ -13,7 +13,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, fixed, shown, shownBeside, between, duration, counted, breakable, badge, scroller } = driveRobust;
+  const { h, link, fixed, shown, shownBeside, between, duration, made, counted, breakable, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -101,7 +101,7 @@ driveRobust.views.set("", (() => {
     const empty = value === null || value === undefined;
     const inside = [shown(value), interval ? h("span", { class: "range" }, ` ${rangeOf(metric, interval)}`) : null];
     return h("td", { class: `number heat${share === null ? " flat" : share < 0.5 ? " low" : ""}`, title: words.join(", "), vars: share === null ? {} : { share: `${Math.round(Math.abs(share - 0.5) * 200)}%` } },
-      empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting }) }, inside));
+      empty ? inside : h("a", { href: link(["episodes"], { agent: row.agent, setting: row.setting, order: "worst" }) }, inside));
   }
 
   /* As in the terminal, the interval of a driving score has no decimals. */
@@ -159,9 +159,8 @@ driveRobust.views.set("", (() => {
 
   function facts(run) {
     const options = run.options;
-    const made = [run.stored.date, run.stored.commit].filter(Boolean).join(", ");
     const rows = [
-      ["run", [run.label, made].filter(Boolean).join(", ")],
+      ["run", [run.label, made(run.stored)].filter(Boolean).join(", ")],
       ["simulator", options.simulator], ["routes", options.routes], ["seeds", options.seeds.join(", ")],
       ["reading", options.reading ?? "paper"], ["metrics", options.metrics], ["verdicts", `${options.verdict}, margin ${options.margin}, alpha ${options.alpha}${options.correction === "none" ? "" : `, ${options.correction}`}`],
       ["stopped when standing", options.stuck_stop_s ? `${options.stuck_stop_s} s` : "no"],

@@ -1,8 +1,8 @@
 "use strict";
-/* The replay: an episode beside its clean twin, with strips, marks and a clock that both share. */
+/* The replay: an episode beside its clean twin, with strips, events and a clock that both share. */
 driveRobust.views.set("episode", (() => {
   const { h, link, place, fixed, seconds, breakable } = driveRobust;
-  const AXIS = 16;
+  const LEAD_S = 2;
   const SPEEDS = [0.25, 0.5, 1, 2, 4, 8];
   const KINDS = {
     collisions_pedestrian: "hit a pedestrian", collisions_vehicle: "hit a vehicle", collisions_layout: "hit an obstacle",
@@ -49,9 +49,9 @@ driveRobust.views.set("episode", (() => {
     const { episodes } = driveRobust;
     const run = driveRobust.given.get("run");
     const heading = [
-      h("p", { class: "crumbs" }, h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
+      h("p", { class: "crumbs" }, judgedBy(run, episode).map((item, at, { length }) => [h("a", { href: driveRobust.requirementLink(item) }, driveRobust.requirementLabel(item)), at < length - 1 ? ", " : " / "]), h("a", { href: link(["episodes"], { setting: episode.setting }) }, episode.setting), " / ", h("a", { href: link(["episodes"], { scenario: episode.place.scenario }) }, episode.place.scenario)),
       h("h1", {}, breakable(episode.place.scenario), " ", h("span", { class: "soft" }, `route ${episode.route}, seed ${episode.seed}`)),
-      h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}`),
+      h("p", { class: "lead" }, `${episode.agent} under ${episode.setting}: ${episode.story}${divergedOf(episode)}`),
     ];
     const shown = scenes.filter(({ data }) => data.motion);
     const moves = shown.some((scene) => scene.episode === episode);
@@ -65,11 +65,21 @@ driveRobust.views.set("episode", (() => {
         player ? player.nodes() : h("p", { class: "notice" }, episode.seconds ? `No trace of this episode is stored, so there is nothing to replay.${isExternal(run) ? "" : " Its line below drives it again."}` : `It ended before its first tick, so there is nothing to replay: ${episode.end}`),
         film ? h("section", {}, h("h2", {}, "What the agent saw"), h("video", { "aria-label": `What ${episode.agent} saw under ${episode.setting} on route ${episode.route}`, src: `films/${encodeURIComponent(film)}`, controls: true, preload: "metadata" }), h("p", { class: "soft" }, `films/${film}`)) : null,
         facts(episode, beside),
-        others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? fixed(item.ds, 0) : "\u2013")))))) : null,
+        others.length > 1 ? h("section", {}, h("h2", {}, "The same route under other settings"), h("ul", { class: "chips" }, others.map((item) => h("li", {}, h("a", { href: episodes.href(item, episodes.moment(item)), class: item === episode ? "here" : null, "aria-current": item === episode ? "page" : null }, item.setting, " ", h("span", { class: "soft" }, item.scored ? `DS ${fixed(item.ds, 0)} ${item.success ? "\u2713" : "\u2717"}` : "\u2013")))))) : null,
       ],
       start: player ? () => player.start() : null,
       stop: player ? () => player.stop() : null,
     };
+  }
+
+  /* Return the requirements whose verdicts read the episode: the way back to why it was driven. */
+  function judgedBy(run, episode) {
+    const reads = (item) => item.agent === episode.agent && item.setting === episode.setting && item.order.includes(episode.route) && item.seeds.includes(episode.seed);
+    return episode.run ? [] : run.requirements.filter(reads);
+  }
+
+  function divergedOf({ parted, partedBy }) {
+    return parted === null ? "" : `; diverged from its clean twin at ${seconds(parted)} ${partedBy}`;
   }
 
   function facts(episode, beside) {
@@ -80,7 +90,7 @@ driveRobust.views.set("episode", (() => {
       driveRobust.scroller("In numbers", h("table", { class: "facts" },
         h("thead", {}, h("tr", {}, h("td", {}), [beside, episode].filter(Boolean).map((item) => h("th", { scope: "col" }, titleOf(item, episode))))),
         h("tbody", {},
-          row("driving score", (item) => fixed(item.ds, 1)),
+          row("driving score (DS)", (item) => fixed(item.ds, 1)),
           row("route completed", (item) => (item.completion === null ? "\u2013" : `${fixed(item.completion, 1)} %`)),
           row("comfort", (item) => (item.comfort === null ? "\u2013" : `${fixed(item.comfort, 0)} %`)),
           row("efficiency", (item) => (item.efficiency === null ? "\u2013" : `${fixed(item.efficiency, 0)} %`)),
@@ -137,21 +147,21 @@ driveRobust.views.set("episode", (() => {
       this.scale = 7;
       this.showPlan = true;
       this.playing = false;
-      this.marks = this.marksOf();
+      this.events = this.eventsOf();
     }
 
-    marksOf() {
-      const marks = [];
+    eventsOf() {
+      const events = [];
       const own = this.own.episode;
-      if (own.parted !== null && this.twin) marks.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
+      if (own.parted !== null && this.twin) events.push({ second: own.parted, words: `the two diverge ${own.partedBy}`, kind: "parted" });
       for (const pane of this.panes) {
-        for (const event of pane.episode.events) {
+        for (const infraction of pane.episode.events) {
           /* Official results do not tell when an infraction happened: show it at the end of the episode. */
-          marks.push({ second: event.second ?? pane.episode.seconds, known: event.second !== null, words: event.detail || KINDS[event.kind] || event.kind, kind: pane.role, pane });
+          events.push({ second: infraction.second ?? pane.episode.seconds, known: infraction.second !== null, words: infraction.detail || KINDS[infraction.kind] || infraction.kind, kind: pane.role, pane });
         }
-        marks.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane });
+        events.push({ second: pane.episode.seconds, words: pane.episode.end, kind: pane.role, pane, over: pane.episode.outcome === "completed" });
       }
-      return marks.sort((one, other) => one.second - other.second);
+      return events.sort((one, other) => one.second - other.second);
     }
 
     nodes() {
@@ -165,25 +175,23 @@ driveRobust.views.set("episode", (() => {
       const zoom = h("input", { type: "range", min: 2, max: 20, step: 0.5, value: this.scale, "aria-label": "Zoom", oninput: (event) => { this.scale = Number(event.target.value); this.draw(); } });
       const plan = h("label", { class: "check" }, h("input", { type: "checkbox", checked: true, onchange: (event) => { this.showPlan = event.target.checked; this.draw(); } }), "plan");
       this.linkButton = h("button", { type: "button", onclick: () => this.copy() }, "Copy link");
-      this.strips = h("canvas", { class: "strips", role: "img", "aria-label": this.stripWords() });
-      this.cursor = h("div", { class: "cursor" });
-      this.stripFrame = h("div", { class: "strip-frame", onpointerdown: (event) => this.drag(event) }, this.strips, this.cursor);
-      this.events = h("ol", { class: "marks" }, this.marks.map((mark) => h("li", { class: mark.kind }, h("button", { type: "button", onclick: () => this.seek(mark.second / this.dt - 2 / this.dt) }, h("span", { class: "when" }, mark.known === false ? "?" : seconds(mark.second)), " ", mark.pane && two ? h("span", { class: `of ${mark.kind}` }, `${titleOf(mark.pane.episode, this.own.episode)}: `) : null, mark.words))));
-      return h("div", { class: "player" },
+      this.strips = new driveRobust.Strips(this, (tick) => this.seek(tick));
+      this.eventList = h("ol", { class: "events" }, this.events.map((event) => h("li", { class: event.kind }, h("button", { type: "button", onclick: () => this.before(event) }, h("span", { class: "when" }, event.known === false ? "?" : seconds(event.second)), " ", event.pane && two ? h("span", { class: `of ${event.kind}` }, `${titleOf(event.pane.episode, this.own.episode)}: `) : null, event.words))));
+      return h("div", { class: "player", role: "group", "aria-label": "Player", tabindex: "0", onkeydown: (event) => this.key(event) },
         h("div", { class: two ? "panes two" : "panes" }, this.paneNodes),
-        h("div", { class: "controls", role: "group", "aria-label": "Player" },
+        h("div", { class: "controls", role: "group", "aria-label": "Controls" },
           this.playButton,
           h("button", { type: "button", "aria-label": "One tick back", onclick: () => this.step(-1) }, "\u2039"),
           h("button", { type: "button", "aria-label": "One tick on", onclick: () => this.step(1) }, "\u203a"),
-          h("button", { type: "button", onclick: () => this.next(-1) }, "Previous mark"),
-          h("button", { type: "button", onclick: () => this.next(1) }, "Next mark"),
+          h("button", { type: "button", onclick: () => this.next(-1) }, "Previous event"),
+          h("button", { type: "button", onclick: () => this.next(1) }, "Next event"),
           this.clock, speed, h("label", { class: "zoom" }, "zoom", zoom), plan, this.linkButton),
         this.range,
-        this.stripFrame,
+        this.strips.node,
         this.legend(two),
         h("div", { class: "below" },
-          h("section", {}, h("h2", {}, "What happened"), this.events),
-          h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
+          h("section", {}, h("h2", {}, "What happened"), this.eventList),
+          h("section", { class: "keys" }, h("h2", {}, "Keys"), h("p", {}, "They act while the player has the focus: click on it, or reach it with Tab."), h("p", {}, KEYS.map(([key, words]) => [h("kbd", {}, key), ` ${words} `])))));
     }
 
     legend(two) {
@@ -192,8 +200,9 @@ driveRobust.views.set("episode", (() => {
         two ? item("clean", titleOf(this.twin.episode, this.own.episode)) : null, item(this.own.role, titleOf(this.own.episode, this.own.episode)),
         two ? item("twin", `${titleOf(this.twin.episode, this.own.episode)}, where it is at the same second`) : null,
         item("route", "route"), item("plan", "the agent's plan"),
-        item("wrong", `what went wrong, or the end: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}, a ring where it happened`),
-        this.marks.some((mark) => mark.kind === "parted") ? item("parted", "the two diverge") : null,
+        item("wrong", `what went wrong: a line below${two ? ` (blue for ${titleOf(this.twin.episode, this.own.episode)})` : ""}; a ring where it happened, broken before it does`),
+        this.own.scene.hasLights() ? item("light", "stop line of a light, broken while green") : null,
+        this.events.some((event) => event.kind === "parted") ? item("parted", "the two diverge") : null,
         this.own.episode.spans.length ? item("span", "the perturbation is at work") : null,
         this.own.scene.told(0) && this.own.scene.told(0).x !== null ? item("told", "where the agent is told it is") : null);
     }
@@ -213,19 +222,12 @@ driveRobust.views.set("episode", (() => {
           [...pane.bars.map(({ name, bar }) => [name, bar]), ["steer", pane.steer]].filter(() => pane.controls).map(([name, drawn]) => h("span", { class: "meter" }, h("span", { class: "label" }, name), h("span", { class: "track" }, drawn)))));
     }
 
-    stripWords() {
-      const own = this.own.episode;
-      return `Speed, throttle, brake and steering over ${seconds(own.seconds)}. ${own.story}.`;
-    }
-
     start() {
       this.colours = coloursNow();
       this.resizer = new ResizeObserver(() => this.fit());
       this.panes.forEach((pane) => this.resizer.observe(pane.canvas));
-      this.resizer.observe(this.strips);
-      this.onKey = (event) => this.key(event);
+      this.resizer.observe(this.strips.canvas);
       this.onTheme = () => { this.colours = coloursNow(); this.fit(); };
-      document.addEventListener("keydown", this.onKey);
       document.addEventListener("drive-robust-theme", this.onTheme);
       this.fit();
       driveRobust.player = this;
@@ -234,18 +236,17 @@ driveRobust.views.set("episode", (() => {
     stop() {
       this.playing = false;
       this.resizer.disconnect();
-      document.removeEventListener("keydown", this.onKey);
       document.removeEventListener("drive-robust-theme", this.onTheme);
       driveRobust.player = null;
     }
 
     fit() {
       const ratio = Math.min(window.devicePixelRatio || 1, 2);
-      for (const canvas of [...this.panes.map((pane) => pane.canvas), this.strips]) {
+      for (const canvas of [...this.panes.map((pane) => pane.canvas), this.strips.canvas]) {
         const [width, height] = [Math.round(canvas.clientWidth * ratio), Math.round(canvas.clientHeight * ratio)];
         if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
       }
-      this.drawStrips(ratio);
+      this.strips.draw(ratio, this.colours);
       this.draw();
     }
 
@@ -279,9 +280,15 @@ driveRobust.views.set("episode", (() => {
 
     next(way) {
       const now = this.tick * this.dt;
-      const marks = this.marks.filter((mark) => (way > 0 ? mark.second > now + 0.06 : mark.second < now - 0.06));
-      const mark = way > 0 ? marks[0] : marks[marks.length - 1];
-      if (mark) { this.seek(mark.second / this.dt); driveRobust.tell(`${seconds(mark.second)}: ${mark.words}`); }
+      const events = this.events.filter((event) => (way > 0 ? event.second > now + 0.06 : event.second < now - 0.06));
+      const event = way > 0 ? events[0] : events[events.length - 1];
+      if (event) { this.seek(event.second / this.dt); driveRobust.tell(`${seconds(event.second)}: ${event.words}`); }
+    }
+
+    /* Show what led to an event. */
+    before(event) {
+      this.seek((event.second - LEAD_S) / this.dt);
+      driveRobust.tell(`${seconds(this.tick * this.dt)}, before: ${event.words}`);
     }
 
     remember() {
@@ -297,22 +304,11 @@ driveRobust.views.set("episode", (() => {
       setTimeout(() => { this.linkButton.textContent = "Copy link"; }, 1500);
     }
 
-    drag(event) {
-      const move = (moved) => {
-        const box = this.strips.getBoundingClientRect();
-        this.seek(((moved.clientX - box.left) / box.width) * this.length);
-      };
-      move(event);
-      this.stripFrame.setPointerCapture(event.pointerId);
-      this.stripFrame.onpointermove = move;
-      this.stripFrame.onpointerup = () => { this.stripFrame.onpointermove = null; };
-    }
-
+    /* Called only while the player has the focus: single letters that act anywhere are pressed by speech input (WCAG 2.1.4). */
     key(event) {
       if (event.ctrlKey || event.metaKey || event.altKey) return;
       const on = event.target.tagName;
-      if (on === "SELECT" || (on === "INPUT" && event.target.type !== "range" && event.target.type !== "checkbox")) return;
-      if (on === "VIDEO" || (event.key === " " && (on === "BUTTON" || on === "INPUT" || on === "A"))) return;
+      if (on === "SELECT" || (event.key === " " && (on === "BUTTON" || on === "INPUT"))) return;
       if (event.key.startsWith("Arrow") && on === "INPUT" && event.target !== this.range) return;
       const second = 1 / this.dt;
       const actions = {
@@ -349,14 +345,17 @@ driveRobust.views.set("episode", (() => {
       this.range.value = Math.round(this.tick);
       this.range.setAttribute("aria-valuetext", seconds(now));
       this.clock.textContent = `${fixed(now, 2)} s`;
-      this.cursor.style.setProperty("left", `${(100 * this.tick) / this.length}%`);
+      this.strips.point(this.tick);
     }
 
     dash(pane, tick, now, over) {
       const ego = pane.scene.at(tick);
       const told = pane.scene.told(tick);
       pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
-      pane.toldNode.textContent = told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "";
+      pane.toldNode.textContent = [
+        told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "",
+        driveRobust.Scene.isMisplaced(told, ego) ? `GPS off by ${Math.round(Math.hypot(told.x - ego.x, told.y - ego.y))} m` : "",
+      ].filter(Boolean).join(", ");
       for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
       pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
       const signals = pane.episode.spans.filter((span) => span.first <= tick && tick <= span.last).map((span) => SIGNALS[span.signal] || `camera ${span.signal}`);
@@ -367,99 +366,9 @@ driveRobust.views.set("episode", (() => {
       if (pane.state.textContent !== text) pane.state.textContent = text;
       pane.state.className = `state${over || event ? " wrong" : ""}${over && pane.episode.success ? " good" : ""}`;
     }
-
-    drawStrips(ratio) {
-      const context = this.strips.getContext("2d");
-      const width = this.strips.clientWidth;
-      const height = this.strips.clientHeight - AXIS;
-      if (!width) return;
-      context.setTransform(ratio, 0, 0, ratio, 0, 0);
-      context.clearRect(0, 0, width, height + AXIS);
-      const { colours } = this;
-      const x = (tick) => (tick / this.length) * width;
-      const rows = [["speed", 0.46], ["throttle", 0.18], ["brake", 0.18], ["steer", 0.18]];
-      const fastest = Math.max(5, ...this.panes.flatMap((pane) => [Math.max(...pane.scene.motion.speed) / 100]));
-      for (const span of this.own.episode.spans) {
-        context.fillStyle = colours.perturbed;
-        context.globalAlpha = 0.13;
-        context.fillRect(x(span.first), 0, Math.max(1, x(span.last + 1) - x(span.first)), height);
-        context.globalAlpha = 1;
-      }
-      let top = 0;
-      context.font = "11px system-ui, sans-serif";
-      for (const [name, share] of rows) {
-        const high = height * share;
-        context.strokeStyle = colours.rule;
-        context.lineWidth = 1;
-        context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
-        for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
-          const { motion } = pane.scene;
-          context.strokeStyle = pane.role === "clean" ? colours.clean : colours.perturbed;
-          context.lineWidth = 1.5;
-          context.beginPath();
-          for (let row = 0; row < motion.rows; row += 1) {
-            const value = name === "speed" ? motion.speed[row] / 100 / fastest : name === "steer" ? 0.5 - motion.steer[row] / 2000 : motion[name][row] / 1000;
-            context.lineTo(x(row * motion.every + 1), top + high - 2 - value * (high - 4));
-          }
-          context.stroke();
-        }
-        top += high;
-      }
-      this.drawSeconds(context, width, height);
-      const drawn = new Set();
-      for (const mark of this.marks) {
-        const at = Math.min(Math.round(x(mark.second / this.dt)), width - 1) + 0.5;
-        if (drawn.has(at)) continue;
-        drawn.add(at);
-        context.strokeStyle = mark.kind === "parted" ? colours.ink : mark.kind === "clean" ? colours.clean : colours.wrong;
-        context.setLineDash(mark.kind === "parted" ? [4, 3] : []);
-        context.lineWidth = 1.5;
-        context.beginPath();
-        context.moveTo(at, 0);
-        context.lineTo(at, height);
-        context.stroke();
-        context.setLineDash([]);
-      }
-      this.nameStrips(context, rows, width, height, fastest);
-    }
-
-    /* The names stand at the right end, above all lines: what went wrong is mostly at the left, before a car stands still. */
-    nameStrips(context, rows, width, height, fastest) {
-      context.textAlign = "right";
-      context.lineWidth = 4;
-      context.lineJoin = "round";
-      context.strokeStyle = this.colours.page;
-      context.fillStyle = this.colours.faint;
-      let top = 0;
-      for (const [name, share] of rows) {
-        const words = name === "speed" ? `speed, to ${Math.round(fastest * 3.6)} km/h` : name;
-        context.strokeText(words, width - 8, top + 13);
-        context.fillText(words, width - 8, top + 13);
-        top += height * share;
-      }
-      context.textAlign = "left";
-    }
-
-    /* The axis of time below the strips. */
-    drawSeconds(context, width, height) {
-      const last = this.length * this.dt;
-      context.fillStyle = this.colours.faint;
-      context.strokeStyle = this.colours.rule;
-      context.lineWidth = 1;
-      for (const second of driveRobust.charts.ticks(0, last, Math.max(2, Math.floor(width / 90)))) {
-        const at = Math.round((second / last) * width) + 0.5;
-        context.beginPath();
-        context.moveTo(at, height);
-        context.lineTo(at, height + 4);
-        context.stroke();
-        const words = `${Number(second.toFixed(2))} s`;
-        const wide = context.measureText(words).width;
-        context.fillText(words, Math.min(Math.max(at - wide / 2, 0), width - wide), height + 14);
-      }
-    }
   }
 
-  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous mark"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
+  const KEYS = [["space", "play or pause"], ["\u2190 \u2192", "one tick"], ["shift + \u2190 \u2192", "one second"], ["j l", "five seconds"], ["n p", "next and previous event"], ["+ \u2212", "faster, slower"], ["esc", "pause"], ["home end", "start and end"]];
 
   return { render };
 })());
