@@ -42,6 +42,8 @@ _OUTCOMES = {
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
 _WORLD, _PERTURBATION = "the simulation", "a perturbation"
+USUAL_DT_S = 0.05
+"""The length of a tick in seconds in results of episodes whose world never told its own."""
 _ROUNDING_PCT = 1e-6
 """Tolerance in percent: the sum of the metres outside may exceed the driven distance in its last digits."""
 
@@ -127,6 +129,7 @@ class RunningEpisode:
         self.shows_view = False
         self.plan: GlobalPlan | None = None
         self.warmup_ticks = 0
+        self.dt_s = USUAL_DT_S  # until `start` has asked the world
         self.started_s = time.perf_counter()
         self.share_s = 0.0
         self.ticks = 0
@@ -177,9 +180,10 @@ class RunningEpisode:
         """Build the world, then reset the agent and the perturbations."""
         if not 0.0 < self.simulator.dt_s < math.inf:
             raise SimulationError(f"dt_s is {self.simulator.dt_s!r}, expected the seconds of a tick, above 0")
+        self.dt_s = self.simulator.dt_s
         self._enter("reset")
         self.privileged = agent_privileged(self.agent)
-        cameras = agent_cameras(self.agent, self.simulator.dt_s)
+        cameras = agent_cameras(self.agent, self.dt_s)
         consumes = agent_consumes(self.agent)
         self._watch.equip(cameras, consumes, privileged=self.privileged)
         self.witness = Witness(tuple(camera.name for camera in cameras), consumes)
@@ -194,9 +198,7 @@ class RunningEpisode:
         agent_reset(self.agent, self.plan, self.seed)
         self._enter("sim")
         self._whose = _PERTURBATION
-        self.stack = self.setting.start(
-            route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
-        )
+        self.stack = self.setting.start(route_id=self.route.id, seed=self.seed, dt_s=self.dt_s, cameras=cameras)
         self.warmup_ticks = self.stack.warmup_ticks
         self._whose = _WORLD
         self._done = _ends(self.simulator.done)
@@ -330,7 +332,7 @@ class RunningEpisode:
             infractions=score.infractions if score else (),
             speed_ratios_pct=score.speed_ratios_pct if score else (),
             ticks=self.ticks,
-            dt_s=self.simulator.dt_s,
+            dt_s=self.dt_s,
             wall_s=self.share_s or time.perf_counter() - self.started_s,
             trace=trace,
             schedule=schedule,
