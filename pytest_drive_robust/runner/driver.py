@@ -22,8 +22,9 @@ from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.declared import require_declared
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
 from pytest_drive_robust.runner.episode.machine import with_machine
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch, admit
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator

@@ -48,7 +48,8 @@ _DECIDING = tuple(
     for name in (
         *("arithmetic", "jit", "domain", "perturbations", "runner.driver", "runner.episode.loop"),
         *("runner.episode.contract", "runner.episode.surroundings"),
-        *("runner.episode.witness", "runner.episode.generators", "runner.episode.after_import", "simulators.base"),
+        *("runner.episode.watch", "runner.episode.witness", "runner.episode.world_contract"),
+        *("runner.episode.generators", "runner.episode.after_import", "simulators.base"),
     )
 )
 """Our modules that decide the numbers of every episode, by name: a run from the store does not import them.

@@ -17,7 +17,8 @@ from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.runner.episode.contract import agent_act_batch, agent_reset
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
