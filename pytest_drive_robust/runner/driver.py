@@ -68,7 +68,7 @@ class EpisodeDriver:
         Raises `UsageError` when the world or the agent cannot be made.
         """
         agent = request.episode.agent
-        if width is None or _measures_inference(request):
+        if width is None or request.setting.measures_inference:
             with borrowed_generators(repr(request.episode)), self._closing_cut_off():
                 running = self._running(request)
                 running.drive()
@@ -133,7 +133,7 @@ class EpisodeDriver:
                     while len(live) < width and (request := take()) is not None:
                         if request.episode.agent != agent:
                             raise ValueError(f"{request.episode} cannot share a batch with episodes of {agent}")
-                        if _measures_inference(request) or (check and not self._may_share(request, width)):
+                        if request.setting.measures_inference or (check and not self._may_share(request, width)):
                             yield request, self.drive_once(request, width)
                         else:
                             live[self._begin(request)] = request
@@ -239,11 +239,6 @@ class EpisodeDriver:
         world = self._make_world()
         self._worlds.append(world)
         return world
-
-
-def _measures_inference(request: EpisodeRequest) -> bool:
-    """Return whether the setting needs the seconds of one call of `act`, which no row of a batch has."""
-    return any(getattr(item, "measures_inference", False) for item in request.setting.perturbations)
 
 
 def make_agent(registry: Registry, name: str) -> Agent:

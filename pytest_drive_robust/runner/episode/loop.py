@@ -20,7 +20,8 @@ from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, r
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, PerturbationError, SimulationError
-from pytest_drive_robust.perturbations.base import RunningStack, Setting
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.perturbations.stack import RunningStack
 from pytest_drive_robust.runner.episode.contract import (
     agent_act,
     agent_cameras,
@@ -172,8 +173,10 @@ class RunningEpisode:
         agent_reset(self.agent, self.plan, self.seed)
         self._enter("sim")
         self._whose = _PERTURBATION
-        self.stack = self.setting.start(route_id=self.route.id, seed=self.seed, dt_s=self.dt_s, cameras=cameras)
-        self.warmup_ticks = self.stack.warmup_ticks
+        self.stack = RunningStack.of(
+            self.setting, route_id=self.route.id, seed=self.seed, dt_s=self.dt_s, cameras=cameras
+        )
+        self.warmup_ticks = self.setting.warmup_ticks
         self._whose = _WORLD
         self._done = world_ends(self.simulator)
 

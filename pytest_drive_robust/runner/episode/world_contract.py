@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.errors import SimulationError
-from pytest_drive_robust.perturbations.base import RunningStack
+from pytest_drive_robust.perturbations.stack import RunningStack
 from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
 from pytest_drive_robust.store.episode_fields import unstorable
 
