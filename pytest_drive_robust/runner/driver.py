@@ -25,7 +25,8 @@ from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.loop import RunningEpisode
 from pytest_drive_robust.runner.episode.machine import with_machine
 from pytest_drive_robust.runner.episode.watch import Watch
-from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch, admit
+from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch
+from pytest_drive_robust.runner.lockstep.check import admit
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 

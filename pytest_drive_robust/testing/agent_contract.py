@@ -20,7 +20,7 @@ from pytest_drive_robust.runner.cache_key.weights import weights_digest
 from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, agent_plan, blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.threads import OneThread
-from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
+from pytest_drive_robust.runner.lockstep.check import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, first_difference_seen
