@@ -13,7 +13,8 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, perturbation_sources
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
+from pytest_drive_robust.runner.cache_key.code_text import perturbation_sources
 from pytest_drive_robust.stats.judges import Judge, judge_by
 from pytest_drive_robust.stats.pace import likely_left
 from pytest_drive_robust.verdict.requirement import Requirement

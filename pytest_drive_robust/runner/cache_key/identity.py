@@ -29,13 +29,9 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import facts_of, sources_of
 from pytest_drive_robust.runner.cache_key import source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import (
-    canonical_text,
-    code_of,
-    digest_of,
-    file_digests,
-    session,
-)
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
+from pytest_drive_robust.runner.cache_key.code_text import code_of, session
+from pytest_drive_robust.runner.cache_key.named_files import file_digests
 from pytest_drive_robust.runner.cache_key.weights import weights_digest
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded

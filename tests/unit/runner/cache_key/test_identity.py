@@ -11,7 +11,7 @@ from agent_identities import AGENT, identity_with
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key import identity, source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import SESSION, code_of
+from pytest_drive_robust.runner.cache_key.code_text import SESSION, code_of
 from pytest_drive_robust.runner.cache_key.identity import (
     agent_identity,
     identity_of,

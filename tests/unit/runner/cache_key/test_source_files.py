@@ -7,7 +7,7 @@ from types import ModuleType
 
 import pytest
 
-from pytest_drive_robust.runner.cache_key.canonical_text import code_of
+from pytest_drive_robust.runner.cache_key.code_text import code_of
 from pytest_drive_robust.runner.cache_key.source_files import (
     UnknownSourceError,
     code_digest,
