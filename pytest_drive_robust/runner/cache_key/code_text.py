@@ -14,14 +14,13 @@ from typing import Any
 
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, is_ours_or_standard, plain
+from pytest_drive_robust.runner.cache_key.distributions import is_installed, versions_of
 from pytest_drive_robust.runner.cache_key.named_files import file_digests
 from pytest_drive_robust.runner.cache_key.source_files import (
     UnknownSourceError,
     file_of,
     file_of_code,
-    is_installed,
     module_digest,
-    versions_of,
 )
 
 _OWN = __name__.partition(".")[0]

@@ -8,7 +8,7 @@ import hashlib
 import os
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.cache_key.source_files import add_file
+from pytest_drive_robust.runner.cache_key.digests import add_file
 
 
 def file_digests(owner: object) -> list[str]:

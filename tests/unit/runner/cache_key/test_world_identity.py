@@ -11,7 +11,7 @@ import pytest
 import pytest_drive_robust
 from pytest_drive_robust import simulators
 from pytest_drive_robust.registry.registry import Registry, default_registry
-from pytest_drive_robust.runner.cache_key import identity, source_files
+from pytest_drive_robust.runner.cache_key import distributions, identity, source_files
 from pytest_drive_robust.runner.cache_key.identity import (
     simulator_identity,
 )
@@ -130,7 +130,7 @@ def test_what_else_decides_an_episode_in_a_world_counts(monkeypatch):
         patched.setattr(identity, "FORMAT_VERSION", 99)  # a record of before would be read as one of now
         digests.append(digest())
     with monkeypatch.context() as patched:
-        patched.setattr(source_files, "_python", lambda: {"python": "4.0"})
+        patched.setattr(distributions, "python_version", lambda: {"python": "4.0"})
         digests.append(digest())
     assert len(set(digests)) == len(digests)
 
