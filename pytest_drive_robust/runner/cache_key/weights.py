@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry.entries import paths_named
+from pytest_drive_robust.registry.agent_factories import paths_named
 from pytest_drive_robust.runner.cache_key.digests import add_file
 from pytest_drive_robust.runner.cache_key.source_files import is_hidden
 
