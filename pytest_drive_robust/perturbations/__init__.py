@@ -1,8 +1,8 @@
 """Deployment failures, one small class each, and stacks of failures, under which episodes are driven.
 
-Imports point one way, in this order: `severity`, `readings`; `sentences`; `context`, `paper_variables`; `base`; a
-module for each failure, one for both kinds of ego noise; `stack`, `ladder`. A new built-in failure is a new module and
-a line in the table below.
+Imports point one way, in this order: `severity`, `readings`, `severity_text`; `sentences`; `context`,
+`paper_variables`; `base`; a module for each failure, one for both kinds of ego noise; `stack`, `ladder`. A new built-in
+failure is a new module and a line in the table below.
 """
 
 from __future__ import annotations
