@@ -42,7 +42,7 @@ from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.registry.plugins import plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.lockstep.batch import Recording, record
+from pytest_drive_robust.runner.lockstep.check import Recording, record
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator

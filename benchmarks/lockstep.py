@@ -20,7 +20,7 @@ from pytest_drive_robust import CameraSpec, Control, GlobalPlan, Observation, Se
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.runner.driver import EpisodeDriver
 from pytest_drive_robust.runner.episode.loop import drive_episode
-from pytest_drive_robust.runner.lockstep.batch import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.check import check_lockstep, record
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator

@@ -23,7 +23,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import check_seeds, seconds
-from pytest_drive_robust.perturbations.base import RunningStack, Setting
+from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.video import EXTRA, has_encoder, write_png, write_video
@@ -109,7 +109,7 @@ def _replay(options: argparse.Namespace) -> int:
         check_severities(wanted.setting, simulator.dt_s)
         again = options.stored_controls and wanted.stored is not None
         tapes = [_drive_again(simulator, wanted, route)] if again else _drive(registry, simulator, wanted, route)
-        measured = RunningStack(wanted.setting.perturbations).measures_inference
+        measured = wanted.setting.measures_inference
         if len(tapes) == 2:
             _print_divergence(*tapes)
         same = before is None or _is_as_before(tapes, route, before, measured=measured)

@@ -23,8 +23,8 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.worker.system import descriptor_identity
-from pytest_drive_robust.runner.episode.loop import Watch
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
+from pytest_drive_robust.runner.episode.watch import Watch
 
 CUT_OFF = 71
 """The exit code of a worker that can no longer answer because its agent closed the connection."""

@@ -23,7 +23,7 @@ perfectly comfortable.
 from __future__ import annotations
 
 import functools
-from collections.abc import Set as AbstractSet
+from collections.abc import Collection
 from dataclasses import dataclass
 from math import fsum
 from typing import TYPE_CHECKING
@@ -93,7 +93,7 @@ def comfort(result: EpisodeResult, *, mode: str = "bench2drive") -> float | None
     return comfort_of(motion, COMFORT_QUIRKS if mode == "bench2drive" else ())
 
 
-def comfort_of(motion: Motion, quirks: AbstractSet[str] | tuple[str, ...]) -> float | None:
+def comfort_of(motion: Motion, quirks: Collection[str]) -> float | None:
     """Return `comfort` of a recorded motion with only the given `COMFORT_QUIRKS`, to show what each quirk changes."""
     count = len(motion.forward_mps2)
     if count < (_POLYNOMIAL_ORDER + 1 if "short-window" in quirks else _WINDOW_SAMPLES):
@@ -113,9 +113,7 @@ def _cut(values: Floats, samples: int) -> Floats:
     return values[: segments * samples].reshape(segments, samples)
 
 
-def _comfortable(
-    parts: dict[str, Floats], dt_s: float, quirks: AbstractSet[str] | tuple[str, ...]
-) -> NDArray[np.bool_]:
+def _comfortable(parts: dict[str, Floats], dt_s: float, quirks: Collection[str]) -> NDArray[np.bool_]:
     """Return for each segment whether all six signals are within their bounds at every sample."""
     import numpy as np
 

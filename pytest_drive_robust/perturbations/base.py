@@ -1,4 +1,4 @@
-"""The base class of perturbations, a stack of perturbations (`Setting`), and a stack at work (`RunningStack`).
+"""The base class of perturbations, and stacks of perturbations (`Setting`).
 
 A perturbation is a dataclass of its severities that touches one of the two seams. Write your own in ten lines: inherit
 from `Perturbation`, give it a `phrase`, override what you touch::
@@ -16,28 +16,26 @@ from `Perturbation`, give it a `phrase`, override what you touch::
                 lambda name, image: Image((image.pixels * self.gain).astype("uint8"), image.tick)
             )
 
-The three classes stand in one module because each refers to the next: the sum of two perturbations is a setting, a
-setting starts as a running stack, and a running stack calls perturbations.
+Both classes stand in one module because each refers to the other: the sum of two perturbations is a setting.
 """
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 import os
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
+from pytest_drive_robust.domain.observation import Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.paper_variables import perturbations_from
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import CLEAN, kebab_name, parse_stack, preset, render, render_value
+from pytest_drive_robust.perturbations.sentences import CLEAN, parse_stack, preset, render
+from pytest_drive_robust.perturbations.severity_text import render_value
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -232,6 +230,11 @@ class Setting:
         return max((int(getattr(item, "warmup_ticks", 0)) for item in self.perturbations), default=0)
 
     @property
+    def measures_inference(self) -> bool:
+        """True when the wall time of inference decides what happens: only a replay repeats the episode."""
+        return any(getattr(item, "measures_inference", False) for item in self.perturbations)
+
+    @property
     def baseline(self) -> Setting:
         """The setting that this one is compared with: `clean`, or a clean drive with the same warm-up and latency mode.
 
@@ -250,19 +253,6 @@ class Setting:
         Raises `PerturbationError` for a switch that the caller gave with another value than the reading has.
         """
         return self if reading is None else Setting(tuple(item.read_as(reading) for item in self.perturbations))
-
-    def start(self, *, route_id: str, seed: int, dt_s: float, cameras: Sequence[CameraSpec]) -> RunningStack:
-        """Copy and reset the perturbations for one episode. Raises `PerturbationError` from their `reset`."""
-        counts: Counter[str] = Counter()
-        running = []
-        for perturbation in self.perturbations:
-            name = kebab_name(type(perturbation))
-            counts[name] += 1
-            stream = name if counts[name] == 1 else f"{name}#{counts[name]}"
-            own = copy.deepcopy(perturbation)
-            own.reset(EpisodeContext(route_id, seed, dt_s, tuple(cameras), stream))
-            running.append(own)
-        return RunningStack(tuple(running))
 
     def __add__(self, other: Setting | Perturbation) -> Setting:
         if isinstance(other, Perturbation):
@@ -289,124 +279,6 @@ class Setting:
 Setting.CLEAN = Setting()
 
 
-class RunningStack:
-    """The perturbations of a setting at work on both seams: copied and reset for one episode by `Setting.start`.
-
-    A perturbation costs nothing on a seam that its class does not override, so the clean stack returns the same objects
-    that it gets.
-    """
-
-    __slots__ = ("_actuate", "_last", "_observe", "_perturbations", "_wants")
-
-    def __init__(self, perturbations: tuple[Perturbation, ...]) -> None:
-        self._perturbations = perturbations
-        self._observe = [item.observe for item in perturbations if _overrides(item, "observe")]
-        self._wants = [item.wants_inference for item in perturbations if _overrides(item, "wants_inference")]
-        self._actuate = [item.actuate for item in perturbations if _overrides(item, "actuate")]
-        self._last = Control.NEUTRAL
-
-    @property
-    def warmup_ticks(self) -> int:
-        """Number of ticks at the start with neutral commands: the largest `warmup_ticks` of the stack, 0 if none."""
-        return Setting(self._perturbations).warmup_ticks
-
-    @property
-    def observes(self) -> bool:
-        """True when a perturbation overrides `observe`."""
-        return bool(self._observe)
-
-    @property
-    def measures_inference(self) -> bool:
-        """True when the wall time of inference decides what happens: only a replay repeats the episode."""
-        return any(bool(getattr(item, "measures_inference", False)) for item in self._perturbations)
-
-    @property
-    def inference_s(self) -> tuple[float, ...]:
-        """The inference times in seconds that the episode used (measured or replayed), empty when none did."""
-        times = (tuple(getattr(item, "inference_s", ())) for item in self._perturbations)
-        return next(filter(None, times), ())
-
-    def observe(self, observation: Observation) -> Observation:
-        """Return the observation that the agent gets. The arrays of the argument are not written to.
-
-        Raises `PerturbationError` when a perturbation gives no valid observation of this tick.
-        """
-        for change in self._observe:
-            given, observation = observation, change(observation)
-            if not isinstance(observation, Observation):
-                raise PerturbationError(f"{change.__qualname__} gave {observation!r}, expected an Observation")
-            if observation is given:
-                continue
-            if observation.tick != given.tick:  # later perturbations of the stack draw and count by the tick
-                raise PerturbationError(f"{change.__qualname__} {another_tick(given, observation)}")
-            problem = observation.signal_problem()
-            if problem is not None:
-                raise PerturbationError(f"{change.__qualname__} gave an observation whose {problem}")
-            if observation.cameras is not given.cameras:
-                _check_images(change.__qualname__, given.cameras, observation.cameras)
-        return observation
-
-    def wants_inference(self, tick: int) -> bool:
-        """Return True when no perturbation keeps the agent's computer busy in `tick`."""
-        for free in self._wants:
-            answer: object = free(tick)
-            if answer is True:
-                continue
-            if answer is not False and not is_yes_or_no(answer):
-                told = f"{free.__qualname__} gave {answer!r}, expected True or False"
-                raise PerturbationError(f"{told}: is there a return in every branch?")
-            if not answer:
-                return False
-        return True
-
-    def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
-        """Return the control that the vehicle gets: the new one, else the last one, else the neutral one."""
-        for change in self._actuate:
-            control = change(tick, control, inference_s)
-        if control is not None:
-            self._last = control
-        return self._last
-
-    def schedule(self) -> tuple[Injection, ...]:
-        """Return what was injected so far, perturbation by perturbation."""
-        return tuple(injection for item in self._perturbations for injection in item.schedule())
-
-
-def another_tick(given: Observation, got: Observation) -> str:
-    """Return in a clause what is wrong with an observation that `observe` kept from another tick."""
-    return (
-        f"gave the observation of tick {got.tick!r} in tick {given.tick}: give the signals of another tick, not the "
-        f"observation: dataclasses.replace(observation, gps=earlier.gps)"
-    )
-
-
-def is_yes_or_no(answer: object) -> bool:
-    """Return True for an answer that `wants_inference` may give: not None, which a forgotten `return` gives."""
-    import numpy as np
-
-    return isinstance(answer, (int, np.bool_, np.integer))
-
-
-def _check_images(change: str, given: Mapping[str, Image], changed: Mapping[str, Image]) -> None:
-    """Raise `PerturbationError` for images that the agent's cameras cannot take: the agent would be blamed."""
-    if changed.keys() != given.keys():
-        raise PerturbationError(f"{change} gave images of {sorted(changed)}, expected those of {sorted(given)}")
-    for name, image in changed.items():
-        before = given[name]
-        if image is before:
-            continue
-        if not isinstance(image, Image):
-            raise PerturbationError(
-                f"{change} gave a {type(image).__name__} for the camera {name!r}, expected an Image"
-            )
-        shape, kind = getattr(image.pixels, "shape", None), getattr(image.pixels, "dtype", None)
-        if shape != before.pixels.shape or kind != before.pixels.dtype:
-            raise PerturbationError(
-                f"{change} gave pixels {shape} {kind} for the camera {name!r}, expected {before.pixels.shape} "
-                f"{before.pixels.dtype}"
-            )
-
-
 def check_severities_are_fields(cls: type[Perturbation]) -> None:
     """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them.
 
@@ -424,7 +296,3 @@ def check_severities_are_fields(cls: type[Perturbation]) -> None:
                 f"{cls.__name__} has {field.name!r} as a severity, because it is annotated: write it without an "
                 f"annotation ('{field.name} = ...'), or as ClassVar."
             )
-
-
-def _overrides(perturbation: Perturbation, method: str) -> bool:
-    return getattr(type(perturbation), method) is not getattr(Perturbation, method)

@@ -32,7 +32,7 @@ from pytest_drive_robust.plugin.waivers import WaivingPlugin
 from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.regression.options import RegressionOptions
 from pytest_drive_robust.regression.waivers import Waivers
-from pytest_drive_robust.runner.cache_key.canonical_text import begin_run
+from pytest_drive_robust.runner.cache_key.code_text import begin_run
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.scheduler import Observer
 from pytest_drive_robust.store.base import EpisodeStore

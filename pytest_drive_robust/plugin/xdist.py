@@ -19,7 +19,7 @@ from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.plugin.process_roles import worker_input
 from pytest_drive_robust.plugin.terminal import progress_for
 from pytest_drive_robust.report.progress import Progress
-from pytest_drive_robust.runner.cache_key.canonical_text import begin_run
+from pytest_drive_robust.runner.cache_key.code_text import begin_run
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.events import Advised, Event
 from pytest_drive_robust.store.journal import JournalReader, JournalWriter

@@ -8,7 +8,7 @@ A name gets into the registry in three ways:
 * for agents and simulators, a reference `module.path:Factory` in place of a name.
 
 Names of agents and simulators may take an argument after a colon: `leaderboard:agent.py+config`, `gymnasium:ID`. Other
-agents take options there, the parameters of their factories: `blind:speed=8` (see `entries`).
+agents take options there, the parameters of their factories: `blind:speed=8` (see `agent_factories`).
 """
 
 from __future__ import annotations

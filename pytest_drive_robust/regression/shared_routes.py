@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.regression.fingerprint import Mismatch
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, first_of
-from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.runner.planned_order import planned_order
 
 Pair = tuple[RouteScore, RouteScore]
 CellPair = tuple[Cell, Cell]

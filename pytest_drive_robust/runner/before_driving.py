@@ -13,7 +13,7 @@ from typing import Any
 
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import PluginError, UsageError
-from pytest_drive_robust.registry.entries import check_of
+from pytest_drive_robust.registry.agent_factories import check_of
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.simulators.base import Simulator

@@ -22,9 +22,11 @@ from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.declared import require_declared
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
 from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch, admit
+from pytest_drive_robust.runner.episode.watch import Watch
+from pytest_drive_robust.runner.lockstep.batch import ROWS, WIDTH, Batch
+from pytest_drive_robust.runner.lockstep.check import admit
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
@@ -67,7 +69,7 @@ class EpisodeDriver:
         Raises `UsageError` when the world or the agent cannot be made.
         """
         agent = request.episode.agent
-        if width is None or _measures_inference(request):
+        if width is None or request.setting.measures_inference:
             with borrowed_generators(repr(request.episode)), self._closing_cut_off():
                 running = self._running(request)
                 running.drive()
@@ -132,7 +134,7 @@ class EpisodeDriver:
                     while len(live) < width and (request := take()) is not None:
                         if request.episode.agent != agent:
                             raise ValueError(f"{request.episode} cannot share a batch with episodes of {agent}")
-                        if _measures_inference(request) or (check and not self._may_share(request, width)):
+                        if request.setting.measures_inference or (check and not self._may_share(request, width)):
                             yield request, self.drive_once(request, width)
                         else:
                             live[self._begin(request)] = request
@@ -238,11 +240,6 @@ class EpisodeDriver:
         world = self._make_world()
         self._worlds.append(world)
         return world
-
-
-def _measures_inference(request: EpisodeRequest) -> bool:
-    """Return whether the setting needs the seconds of one call of `act`, which no row of a batch has."""
-    return any(getattr(item, "measures_inference", False) for item in request.setting.perturbations)
 
 
 def make_agent(registry: Registry, name: str) -> Agent:

@@ -36,8 +36,8 @@ class InlineExecutor(LocalExecutor):
         environment: Callable[[], Mapping[str, str] | None] = lambda: None,
     ) -> None:
         from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent  # worker processes have their own
-        from pytest_drive_robust.runner.episode.loop import Watch
         from pytest_drive_robust.runner.episode.threads import OneThread
+        from pytest_drive_robust.runner.episode.watch import Watch
 
         self._one_thread = one_thread = OneThread()
 

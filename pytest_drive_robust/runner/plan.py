@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,9 @@ from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.base import Setting
-from pytest_drive_robust.runner.cache_key.canonical_text import digest_of, perturbation_sources
+from pytest_drive_robust.runner.cache_key.canonical_text import digest_of
+from pytest_drive_robust.runner.cache_key.code_text import perturbation_sources
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.stats.judges import Judge, judge_by
 from pytest_drive_robust.stats.pace import likely_left
 from pytest_drive_robust.verdict.requirement import Requirement
@@ -171,36 +172,6 @@ def routes_in_order(scope: Scope, need: RouteRequests) -> tuple[RouteRequests, .
     order = planned_order(ids, types, scope.agent)
     of_route = {route: slice(place, None, len(ids)) for place, route in enumerate(ids)}  # seed after seed
     return tuple(RouteRequests(need.clean[of_route[route]], need.perturbed[of_route[route]]) for route in order)
-
-
-def planned_order(route_ids: Sequence[str], scenario_types: Sequence[str], seed_text: str) -> tuple[str, ...]:
-    """Return the routes shuffled by `seed_text`, with the scenario types spread evenly over the whole order.
-
-    A verdict may stop early only on a prefix of an order that is fixed in advance. A verdict on the episodes that
-    finished first would read the quick routes, and quick routes are those that went well.
-
-    With equally many routes of each type the order consists of blocks with one route of each type, shuffled within and
-    between blocks. Otherwise a type with twice the routes comes twice as often from start to end. The order is the same
-    on every machine and for any order of the arguments; only another `seed_text` changes it. Raises `ValueError` when a
-    route has no type or comes twice.
-    """
-    if len(set(route_ids)) != len(route_ids):
-        twice = sorted({route for route in route_ids if list(route_ids).count(route) > 1})
-        raise ValueError(f"these routes come twice: {', '.join(twice)}. Expected every route once.")
-    of_type: dict[str, list[tuple[float, str]]] = {}
-    for route, scenario_type in zip(route_ids, scenario_types, strict=True):
-        of_type.setdefault(scenario_type, []).append((_draw(seed_text, "choice", route), route))
-    places: list[tuple[float, str]] = []
-    for routes in of_type.values():
-        for number, (_, route) in enumerate(sorted(routes)):
-            places.append(((number + _draw(seed_text, "place", route)) / len(routes), route))
-    return tuple(route for _, route in sorted(places))
-
-
-def _draw(*texts: str) -> float:
-    """Return a number in 0..1 that depends only on `texts`: the same in every process, unlike `hash()`."""
-    digest = hashlib.sha256("\x00".join(texts).encode("utf-8", "surrogatepass")).digest()
-    return int.from_bytes(digest[:6], "big") / 2.0**48
 
 
 _CONTENTS: dict[int, tuple[Route, str]] = {}

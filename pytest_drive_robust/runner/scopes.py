@@ -12,6 +12,7 @@ from pytest_drive_robust.errors import RouteError, UsageError
 from pytest_drive_robust.options.marker import MarkerOptions
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.perturbations.stack import RunningStack
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.as_in_worker import in_folder
 from pytest_drive_robust.runner.before_driving import check_factory, check_route, routes_of
@@ -39,7 +40,7 @@ def check_severities(setting: Setting, dt_s: float) -> None:
     """
     for perturbation in setting.perturbations:
         try:
-            Setting.of(perturbation).start(route_id="", seed=0, dt_s=dt_s, cameras=())
+            RunningStack.of(Setting.of(perturbation), route_id="", seed=0, dt_s=dt_s, cameras=())
         except UsageError:  # noqa: PERF203 - one that raises hides no other
             raise
         except Exception:

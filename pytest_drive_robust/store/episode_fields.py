@@ -37,24 +37,38 @@ def plain(value: Any) -> Any:
     return value.item() if getattr(value, "ndim", None) == 0 else value
 
 
-def fields_of(result: EpisodeResult) -> dict[str, Any]:
-    """Return the fields of an episode as reports and records write them; the trace is replaced by its digest."""
+def facts_of(result: EpisodeResult) -> dict[str, Any]:
+    """Return the fields of an episode but its name and its tables; the trace is replaced by its digest."""
     facts = [item.name for item in fields(result) if item.name not in {"episode", *_TABLES}]
-    told = {name: plain(getattr(result, name)) for name in facts}
-    return {**plain(result.episode), **told, "trace_digest": result.trace.digest}
+    return {**{name: plain(getattr(result, name)) for name in facts}, "trace_digest": result.trace.digest}
 
 
-def result_of(told: Mapping[str, Any], trace: Trace = NO_TICKS) -> EpisodeResult:
-    """Return the episode result of the fields that `fields_of` wrote, with the given `trace`.
+def fields_of(result: EpisodeResult) -> dict[str, Any]:
+    """Return the name and the facts of an episode in one object, as reports write them."""
+    return {**plain(result.episode), **facts_of(result)}
 
-    Raises `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields.
+
+def result_of(told: Mapping[str, Any], *, trace: Trace = NO_TICKS, **tables: Any) -> EpisodeResult:
+    """Return the episode result of the fields that `fields_of` wrote, each checked.
+
+    `tables` are fields that are kept elsewhere, in their own types; they are taken as they are. Raises
+    `AttributeError`, `KeyError`, `TypeError` or `ValueError` for damaged fields.
     """
     # A report leaves out the route completion of an `infra_error`.
     if told["route_completion_pct"] is None and told["outcome"] == Outcome.INFRA_ERROR.value:
         told = {**told, "route_completion_pct": 0.0}
-    episode = Episode(_text(told["agent"]), _text(told["route_id"]), _text(told["setting"]), _whole(told["seed"]))
-    facts = {name: read(told[name]) for name, read in _FACTS.items() if name in told or name not in _LATER}
-    return EpisodeResult(episode=episode, trace=trace, **facts)
+    episode = Episode(_text(told["agent"]), _text(told["route_id"]), _text(told["setting"]), _seed(told["seed"]))
+    facts = {
+        name: read(told[name])
+        for name, read in _FACTS.items()
+        if name not in tables and (name in told or name not in _LATER)
+    }
+    return EpisodeResult(episode=episode, trace=trace, **facts, **tables)
+
+
+def reception_of(told: Any) -> Reception | None:
+    """Return the reception that `plain` wrote; None for None. Raises as `result_of` does."""
+    return None if told is None else _reception(told)
 
 
 def unstorable(name: str, value: object) -> str | None:
@@ -79,8 +93,14 @@ def _truth(value: object) -> bool:
 
 
 def _whole(value: object) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 1 << 53:
+    if not 0 <= _seed(value) < 1 << 53:
         raise ValueError("expected a whole number of 0 or more")
+    return _seed(value)
+
+
+def _seed(value: object) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise ValueError("expected a whole number")
     return value
 
 
@@ -97,14 +117,17 @@ def _several(read: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, ...]]:
 
 
 def _object(cls: type, **readers: Callable[[Any], Any]) -> Callable[[Mapping[str, Any]], Any]:
-    return lambda told: cls(**{name: _named(name, read, told[name]) for name, read in readers.items()})
+    def read_object(told: Mapping[str, Any]) -> Any:
+        made = {}
+        for name, read in readers.items():
+            value = told[name]
+            try:
+                made[name] = read(value)
+            except (TypeError, ValueError) as error:
+                raise ValueError(f"{name}: {error}") from None
+        return cls(**made)
 
-
-def _named(name: str, read: Callable[[Any], Any], value: object) -> Any:
-    try:
-        return read(value)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name}: {error}") from None
+    return read_object
 
 
 _coordinate = partial(_number, low=-_LARGEST)
@@ -132,7 +155,7 @@ _FACTS: Mapping[str, Callable[[Any], Any]] = {
     "junction_passed": _truth,
     "versions": lambda told: {_text(name): _text(version) for name, version in told.items()},
     "inference_s": _several(_number),
-    "reception": lambda told: None if told is None else _reception(told),
+    "reception": reception_of,
 }
 _LATER = ("inference_s", "reception")
 """The fields that a file may leave out."""

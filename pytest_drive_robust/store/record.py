@@ -5,7 +5,7 @@
     8 bytes    b"DREPISO" and the format version
     32 bytes   sha256 of all bytes after it
     4 bytes    length of the header, little endian
-    header     JSON: every fact of the result, the shape and the length of each table, notes
+    header     JSON: the facts of the result (see `episode_fields`), the shape and the length of each table, notes
     tables     the trace, speed ratios, inference times and given observations (see `packing`); tracks (`track_bytes`)
 
 The format holds no pickle, because the bytes may come from a process that an agent has corrupted.
@@ -23,10 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pytest_drive_robust.domain.episode import Episode
-from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection, Reception, Touch
-from pytest_drive_robust.store.episode_fields import plain
+from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.store.episode_fields import facts_of, plain, result_of
 from pytest_drive_robust.store.packing import StoredGiven, StoredTrace, pack, unpack
 from pytest_drive_robust.store.track_bytes import StoredTracks, pack_tracks
 
@@ -37,19 +35,6 @@ _MAGIC = b"DREPISO"
 _SUM_BYTES = 32
 _LENGTH = struct.Struct("<I")
 _START = len(_MAGIC) + 1 + _SUM_BYTES
-
-_STRUCTURED = ("episode", "outcome", "end", "infractions", "schedule", "versions", "reception")
-_PLAIN = (
-    "scenario",
-    "end_detail",
-    "route_completion_pct",
-    "route_length_m",
-    "ticks",
-    "dt_s",
-    "wall_s",
-    "privileged",
-    "junction_passed",
-)
 
 
 class CorruptRecordError(ValueError):
@@ -82,10 +67,10 @@ def encode_episode(result: EpisodeResult, notes: Mapping[str, str] | None = None
         packed["tracks"] = pack_tracks(result.tracks)
         tables["tracks"] = np.zeros((len(packed["tracks"]), 1), np.uint8)
     header = {
-        **{name: plain(getattr(result, name)) for name in (*_STRUCTURED, *_PLAIN)},
+        "episode": plain(result.episode),
+        **{name: value for name, value in facts_of(result).items() if name not in tables},
         "notes": dict(notes or {}),
         "tables": [[name, rows.dtype.str, *rows.shape, len(packed[name])] for name, rows in tables.items()],
-        "trace_digest": result.trace.digest,
     }
     text = json.dumps(header, separators=(",", ":")).encode("ascii")
     body = b"".join((_LENGTH.pack(len(text)), text, *packed.values()))
@@ -141,31 +126,12 @@ def _decoded(data: bytes) -> EpisodeRecord:
 
     trace, _, (ticks, _) = pieces["trace"]
     given, tracks = pieces.get("given"), pieces.get("tracks")
-    return EpisodeRecord(
-        EpisodeResult(
-            episode=Episode(**header["episode"]),
-            outcome=Outcome(header["outcome"]),
-            end=End(header["end"]),
-            infractions=tuple(
-                Infraction(**{**item, "kind": InfractionKind(item["kind"])}) for item in header["infractions"]
-            ),
-            schedule=tuple(Injection(**item) for item in header["schedule"]),
-            versions=header["versions"],
-            reception=reception_of(header["reception"]),
-            given=None if given is None else StoredGiven(packed=given[0], shape=given[2]),
-            tracks=None if tracks is None else StoredTracks(tracks[0]),
-            trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
-            speed_ratios_pct=numbers("speed_ratios_pct"),
-            inference_s=numbers("inference_s"),
-            **{name: header[name] for name in _PLAIN},
-        ),
-        header["notes"],
+    result = result_of(
+        {**header["episode"], **header},
+        trace=StoredTrace(packed=trace, ticks=ticks, digest=header["trace_digest"]),
+        given=None if given is None else StoredGiven(packed=given[0], shape=given[2]),
+        tracks=None if tracks is None else StoredTracks(tracks[0]),
+        speed_ratios_pct=numbers("speed_ratios_pct"),
+        inference_s=numbers("inference_s"),
     )
-
-
-def reception_of(fields: Any) -> Reception | None:
-    """Return the reception of plain JSON types, as a header and the log of an injection hold it; None for None."""
-    if fields is None:
-        return None
-    cameras, consumes = tuple(fields["cameras"]), tuple(fields["consumes"])
-    return Reception(cameras, consumes, fields["observations"], tuple(Touch(**item) for item in fields["touched"]))
+    return EpisodeRecord(result, header["notes"])

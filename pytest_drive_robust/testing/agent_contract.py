@@ -17,10 +17,10 @@ from pytest_drive_robust.errors import AgentError, UsageError
 from pytest_drive_robust.registry.exits import exits_raised
 from pytest_drive_robust.runner.cache_key.declared import undeclared
 from pytest_drive_robust.runner.cache_key.weights import weights_digest
-from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, agent_plan, blame
+from pytest_drive_robust.runner.episode.contract import BLAMED, agent_act_batch, agent_consumes, agent_plan, blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
 from pytest_drive_robust.runner.episode.threads import OneThread
-from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep
+from pytest_drive_robust.runner.lockstep.check import Recording, check_lockstep
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.testing.agents import RecordingAgent, ScriptedAgent
 from pytest_drive_robust.testing.driving import drive, feed, first_difference, first_difference_seen
@@ -36,7 +36,6 @@ _LOCKSTEP_ROWS = 4
 _SAME_POLICY = 0.01
 _BROKEN = (Outcome.AGENT_ERROR, Outcome.INFRA_ERROR)
 _METHODS = ("sensors", "reset", "act")
-_KNOWN = ", ".join(SIGNALS)
 
 
 def check_agent(
@@ -125,12 +124,7 @@ class _Trial:
         privileged = getattr(agent, "privileged", False)
         if not isinstance(privileged, bool):
             raise Broken(f"privileged is {privileged!r}, expected True or False.")
-        declared: object = getattr(agent, "consumes", SIGNALS)
-        if isinstance(declared, str) or not hasattr(declared, "__iter__"):
-            raise Broken(f"consumes is {declared!r}, expected names out of {_KNOWN}.")
-        unknown = sorted(str(signal) for signal in declared if signal not in SIGNALS)
-        if unknown:
-            raise Broken(f"consumes names {', '.join(unknown)}; the signals are {_KNOWN}.")
+        consumed = agent_consumes(agent)
         # a lambda around the class is only part of this check, so declarations of the class count as well
         late = sorted({*undeclared(agent, self.factory)} & {*undeclared(agent, type(agent))})
         if late:
@@ -141,7 +135,7 @@ class _Trial:
                 weights_digest(owner, agent=type(agent).__name__)
         except UsageError as error:
             raise Broken(str(error)) from None
-        return f"consumes {', '.join(sorted(consumed_signals(agent))) or 'no signal'}."
+        return f"consumes {', '.join(consumed) or 'no signal'}."
 
     def controls(self) -> str:
         """Check a recorded episode: no exception, NaN, wrong type, value out of range or impossible camera."""
@@ -231,14 +225,10 @@ class _Trial:
     def plan(self) -> str:
         """Check that `plan()`, where there is one, gives a finite `PlannedPath` after `act`."""
         agent = self.make()
-        plan = getattr(agent, "plan", None)
-        if plan is None:
+        if getattr(agent, "plan", None) is None:
             return "there is no plan() to show, and none is needed."
         feed(agent, self.record.observations[:1], plan=self.route_plan, seed=self.seed)
-        try:
-            planned: object = plan()
-        except BLAMED as error:
-            raise Broken(f"{blame('plan', error)}.") from None
+        planned: object = agent_plan(agent)
         if not isinstance(planned, PlannedPath):
             raise Broken(f"plan returned {type(planned).__name__}, expected a PlannedPath.")
         count = 0

@@ -6,21 +6,14 @@ import copy
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
+from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError, UsageError, did_you_mean, nearest
-from pytest_drive_robust.perturbations.base import (
-    Perturbation,
-    Setting,
-    another_tick,
-    check_severities_are_fields,
-    is_yes_or_no,
-)
+from pytest_drive_robust.perturbations.base import Perturbation, Setting, check_severities_are_fields
 from pytest_drive_robust.perturbations.context import EpisodeContext
 from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
+from pytest_drive_robust.perturbations.stack import inference_problem, observation_problem
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, first_difference_seen, observation_digest
 from pytest_drive_robust.testing.fake_simulator import FakeSimulator, fake_route
@@ -170,39 +163,17 @@ def _isolation(before: list[str], clean: list[Observation]) -> str:
 
 def _observations(clean: list[Observation], seen: list[Observation]) -> str:
     for tick, (given, got) in enumerate(zip(clean, seen, strict=True)):
-        problem = _problem_seen(given, got)
+        problem = observation_problem(given, got)
         if problem is not None:
-            raise Broken(f"tick {tick}: {problem}.")
+            raise Broken(f"tick {tick}: observe {problem}.")
     return "every image keeps its shape and type, every signal is finite."
-
-
-def _problem_seen(given: Observation, got: Observation) -> str | None:
-    """Return in a clause why no agent could take this observation, or None."""
-    if not isinstance(got, Observation):
-        return f"observe gave {got!r}, expected an Observation"
-    if got.tick != given.tick:
-        return f"observe {another_tick(given, got)}"
-    problem = got.signal_problem()
-    if problem is not None:
-        return problem
-    if set(got.cameras) != set(given.cameras):
-        return f"the cameras became {', '.join(got.cameras) or 'none'}"
-    for name, image in got.cameras.items():
-        if not isinstance(image, Image):
-            return f"{name} is a {type(image).__name__}, expected an Image"
-        expected, pixels = given.cameras[name].pixels, image.pixels
-        if not isinstance(pixels, np.ndarray):
-            return f"the pixels of {name} are a {type(pixels).__name__}, expected an array"
-        if pixels.shape != expected.shape or pixels.dtype != expected.dtype:
-            return f"{name} went from {expected.shape} {expected.dtype} to {pixels.shape} {pixels.dtype}"
-    return None
 
 
 def _inference(done: _Drive) -> str:
     for tick, wanted in enumerate(done.wanted):
-        if not is_yes_or_no(wanted):
-            told = f"tick {tick}: wants_inference gave {wanted!r}, expected True or False"
-            raise Broken(f"{told}: is there a return in every branch?")
+        problem = inference_problem(wanted)
+        if problem is not None:
+            raise Broken(f"tick {tick}: wants_inference {problem}")
     return f"the agent may be asked in {sum(map(bool, done.wanted))} of {_TICKS} ticks."
 
 

@@ -7,7 +7,7 @@ import math
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import RequirementError
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.perturbations.sentences import render_value
+from pytest_drive_robust.perturbations.severity_text import render_value
 from pytest_drive_robust.stats.evidence import LinearForms, degradation_forms, mean_forms
 
 DIGITS = 12

@@ -158,7 +158,7 @@ def test_a_declaration_that_raises_is_told() -> None:
 @pytest.mark.parametrize(
     ("name", "value", "told"),
     [
-        ("consumes", {"lidar"}, "names lidar; the signals are cameras, gps"),
+        ("consumes", {"lidar"}, "consumes has 'lidar', which is no signal. There are cameras, compass, gps"),
         ("consumes", "gps", "consumes is 'gps'"),
         ("consumes", 5, "consumes is 5"),
         ("privileged", "yes", "privileged is 'yes'"),

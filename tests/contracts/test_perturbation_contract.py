@@ -165,14 +165,17 @@ def test_a_changed_image_type_is_found() -> None:
 
     report = check_perturbation(Floating())
     assert failed(report) == ["observations"]
-    assert "uint8 to (18, 32, 3) float64" in report["observations"].sentence
+    assert "gave pixels (18, 32, 3) float64 for the camera 'front'" in report["observations"].sentence
 
 
 @pytest.mark.parametrize(
     ("image", "told"),
     [
-        (lambda image: Image(image.pixels.tolist(), image.tick), "the pixels of front are a list, expected an array"),
-        (lambda image: image.pixels, "front is a ndarray, expected an Image"),
+        (
+            lambda image: Image(image.pixels.tolist(), image.tick),
+            "gave pixels as a list for the camera 'front', expected (18, 32, 3) uint8",
+        ),
+        (lambda image: image.pixels, "gave a ndarray for the camera 'front', expected an Image"),
     ],
 )
 def test_an_image_that_is_none_is_found(image: Callable[[Image], Image], told: str) -> None:
@@ -295,10 +298,16 @@ def test_a_control_that_is_none_is_tried() -> None:
 @pytest.mark.parametrize(
     ("changes", "told"),
     [
-        ({"gps": None}, "tick 0: gps is None, expected a Gps."),
-        ({"compass": 3.0}, "tick 0: compass is 3.0, expected a Compass."),
-        ({"speed": Speed(math.nan, 0)}, "tick 0: speed.mps is nan, expected a finite number."),
-        ({"imu": Imu(0.0, "0", 0.0, 0)}, "tick 0: imu.right_mps2 is '0', expected a finite number."),  # type: ignore[arg-type]
+        ({"gps": None}, "gps is None, expected a Gps."),
+        ({"compass": 3.0}, "compass is 3.0, expected a Compass."),
+        (
+            {"speed": Speed(math.nan, 0)},
+            "speed.mps is nan, expected a finite number.",
+        ),
+        (
+            {"imu": Imu(0.0, "0", 0.0, 0)},
+            "imu.right_mps2 is '0', expected a finite number.",
+        ),  # type: ignore[arg-type]
     ],
 )
 def test_a_signal_that_no_agent_can_take_is_found(changes: dict[str, object], told: str) -> None:
@@ -311,7 +320,7 @@ def test_a_signal_that_no_agent_can_take_is_found(changes: dict[str, object], to
 
     report = check_perturbation(Garbled())
     assert failed(report) == ["observations"]
-    assert report["observations"].sentence == told
+    assert report["observations"].sentence == f"tick 0: observe gave an observation whose {told}"
 
 
 def test_a_wants_inference_without_a_return_is_found() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.geodesy import to_geodetic, to_metric
 from pytest_drive_robust.domain.observation import CameraSpec, Compass, Gps, Image, Imu, Observation, Speed
-from pytest_drive_robust.perturbations import Setting
+from pytest_drive_robust.perturbations import RunningStack, Setting
 
 CAMERAS = ("CAM_BACK", "CAM_FRONT")
 SENSORS = (
@@ -107,7 +107,7 @@ class Driven:
 
 def through_package(stream: list[dict[str, Any]], setting: Setting, *, route: str, seed: int) -> Driven:
     """Send the stream through the setting as the embedded simulator's loop does."""
-    stack = setting.start(route_id=route, seed=seed, dt_s=0.05, cameras=RIG)
+    stack = RunningStack.of(setting, route_id=route, seed=seed, dt_s=0.05, cameras=RIG)
     driven = Driven()
     fixes: dict[tuple[float, float], Any] = {}
     for tick, payloads in enumerate(stream):

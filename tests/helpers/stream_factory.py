@@ -46,7 +46,8 @@ def started(
 ) -> RunningStack:
     """Return the stack at the start of an episode of an agent with these cameras."""
     stack = setting if isinstance(setting, Setting) else Setting.of(setting)
-    return stack.start(route_id=route_id, seed=seed, dt_s=dt_s, cameras=[CameraSpec(name) for name in cameras])
+    rig = [CameraSpec(name) for name in cameras]
+    return RunningStack.of(stack, route_id=route_id, seed=seed, dt_s=dt_s, cameras=rig)
 
 
 def observed(

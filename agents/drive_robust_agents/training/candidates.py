@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast
 
 from drive_robust_agents.training.recipes.recipe import RECIPES
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.registry.entries import configured
+from pytest_drive_robust.registry.agent_factories import configured
 from pytest_drive_robust.registry.registry import default_registry
 
 if TYPE_CHECKING:

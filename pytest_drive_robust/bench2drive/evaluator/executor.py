@@ -34,7 +34,7 @@ from pytest_drive_robust.runner.episode.stored_controls import bare_result
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-from pytest_drive_robust.store.record import reception_of
+from pytest_drive_robust.store.episode_fields import reception_of
 from pytest_drive_robust.store.record_files import hide_from_git
 
 AGENT_PREFIX = "leaderboard:"

@@ -70,7 +70,7 @@ def episode_of(record: OfficialRecord, *, agent: str, setting: str, folders: Seq
 def episode_from_fields(fields: Mapping[str, Any], trace: Trace = NO_TICKS, *, where: str) -> EpisodeResult:
     """Return the episode from the fields of an export or a `--drive-json` file. Raises `UsageError` for bad fields."""
     try:
-        return result_of(fields, trace)
+        return result_of(fields, trace=trace)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise UsageError(
             f"{where} is damaged: {type(error).__name__}: {printable(str(error), quotes=False)}. Export the run again."

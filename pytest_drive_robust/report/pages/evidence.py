@@ -8,7 +8,7 @@ from typing import Any
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.table import METRICS, Metric
 from pytest_drive_robust.report.run_records import RunRecords
-from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 
 _MOST_POINTS = 30

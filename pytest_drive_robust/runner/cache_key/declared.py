@@ -12,7 +12,7 @@ from types import FunctionType
 
 from pytest_drive_robust.domain.agent import computing_modules
 from pytest_drive_robust.errors import PluginError
-from pytest_drive_robust.registry.entries import ConfiguredFactory, is_there, paths_named
+from pytest_drive_robust.registry.agent_factories import ConfiguredFactory, is_there, paths_named
 from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text
 
 

@@ -28,14 +28,11 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.before_driving import facts_of, sources_of
-from pytest_drive_robust.runner.cache_key import source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import (
-    canonical_text,
-    code_of,
-    digest_of,
-    file_digests,
-    session,
-)
+from pytest_drive_robust.runner.cache_key import distributions, source_files
+from pytest_drive_robust.runner.cache_key.canonical_text import canonical_text, digest_of
+from pytest_drive_robust.runner.cache_key.code_text import code_of, session
+from pytest_drive_robust.runner.cache_key.digests import hex_of
+from pytest_drive_robust.runner.cache_key.named_files import file_digests
 from pytest_drive_robust.runner.cache_key.weights import weights_digest
 from pytest_drive_robust.runner.plan import Scope
 from pytest_drive_robust.simulators import embedded
@@ -48,7 +45,8 @@ _DECIDING = tuple(
     for name in (
         *("arithmetic", "jit", "domain", "perturbations", "runner.driver", "runner.episode.loop"),
         *("runner.episode.contract", "runner.episode.surroundings"),
-        *("runner.episode.witness", "runner.episode.generators", "runner.episode.after_import"),
+        *("runner.episode.watch", "runner.episode.witness", "runner.episode.world_contract"),
+        *("runner.episode.generators", "runner.episode.after_import"),
         *("simulators.base", "simulators.criteria", "simulators.infractions"),
     )
 )
@@ -105,7 +103,7 @@ def agent_identity(agent: str, registry: Registry) -> str:
         ) from None
     weights = weights_digest(factory, agent=agent)
     modules = computing_modules(factory)
-    code, versions = code_of(factory, libraries=modules is None), source_files.versions_of(modules) if modules else {}
+    code, versions = code_of(factory, libraries=modules is None), distributions.versions_of(modules) if modules else {}
     # Not the place of a hook, nor the commit in "agents 1.3.dev5+g1a2b3c4": the code itself counts.
     distribution = "" if entry.registered else _DEVELOPMENT.sub("", entry.origin)
     return digest_of(agent, distribution, code, weights, configuration, versions)
@@ -126,7 +124,7 @@ def simulator_identity(name: str, registry: Registry, world: Simulator, options:
     # A world that is not `embedded` may use its sensors and criteria, so the whole package counts.
     ours = source_files.code_digest((*_DECIDING, embedded if place.startswith(f"{embedded.__name__}.") else simulators))
     own = "" if place.startswith(f"{simulators.__name__}.") else code_of(factory)
-    return digest_of(facts, {} if has_portable_bits(world) else source_files.versions_of(()), ours, own, others)
+    return digest_of(facts, {} if has_portable_bits(world) else distributions.versions_of(()), ours, own, others)
 
 
 def _source_of(module: ModuleType) -> str:
@@ -138,4 +136,4 @@ def _source_of(module: ModuleType) -> str:
 
 def route_digest(route: Route) -> str:
     """Return a digest of the whole route, 12 hex digits."""
-    return source_files.hex_of(repr(route).encode())
+    return hex_of(repr(route).encode())

@@ -11,23 +11,19 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import importlib.util
 import inspect
 import os
 import sys
 from collections.abc import Iterable
-from importlib import metadata
 from pathlib import Path
 from types import FunctionType, ModuleType
 
+from pytest_drive_robust.runner.cache_key import distributions
 from pytest_drive_robust.runner.cache_key.python_source import imports_in, what_counts
 
 _OWN = __name__.partition(".")[0]
 _CODE = frozenset({".py", ".pyx", ".so", ".pyd", ".json", ".yaml", ".yml", ".toml", ".ini", ".cfg"})
 """Suffixes of files that belong to the code of a package; the agent names its weights itself."""
-_BLOCK_BYTES = 1 << 20
-_STANDARD = Path(os.__file__).parent
-_VERSION_FILES = ("__init__.py", "version.py", "_version.py")
 
 
 class UnknownSourceError(Exception):
@@ -68,21 +64,6 @@ def imported_versions(target: object) -> dict[str, str]:
     return dict(sorted(_Walk(file_of(target), str(getattr(target, "__module__", ""))).versions().items()))
 
 
-def versions_of(modules: Iterable[str]) -> dict[str, str]:
-    """Return the versions of Python and of these modules, by name; `"absent"` for a module that is not installed."""
-    found = {name: _find(name) for name in modules}
-    versions = {
-        name: "absent" if spec is None or spec.origin is None else _version(name, Path(spec.origin).resolve())
-        for name, spec in sorted(found.items())
-    }
-    return {**_python(), **versions}
-
-
-def _python() -> dict[str, str]:
-    """Return the major and minor version of Python: a patch version changes no result."""
-    return {"python": f"{sys.version_info[0]}.{sys.version_info[1]}"}
-
-
 def file_of(target: object) -> Path:
     """Return the file of a class, function or module. Raises `UnknownSourceError`."""
     try:
@@ -103,14 +84,9 @@ def file_of_code(function: FunctionType) -> Path:
     return file
 
 
-def is_installed(file: Path) -> bool:
-    """Return whether a file belongs to an installed distribution, whose version identifies its content."""
-    return not {"site-packages", "dist-packages"}.isdisjoint(file.parts)
-
-
 def file_of_name(module: str) -> Path:
     """Return the file of the module of this name, without importing it. Raises `UnknownSourceError`."""
-    spec = _find(module)
+    spec = distributions.find_module(module)
     if spec is None or spec.origin is None or not Path(spec.origin).is_file():
         raise UnknownSourceError(f"there is no file of {module}")
     return Path(spec.origin).resolve()
@@ -151,18 +127,6 @@ def code_digest(modules: Iterable[ModuleType | str]) -> str:
     return digest.hexdigest()
 
 
-def add_file(digest: hashlib.blake2b, path: str | Path) -> None:
-    """Add the content of a file, which may be larger than the memory. Raises `OSError`."""
-    with open(path, "rb") as file:
-        while block := file.read(_BLOCK_BYTES):
-            digest.update(block)
-
-
-def hex_of(content: bytes) -> str:
-    """Return a digest of bytes, 12 hex digits."""
-    return hashlib.blake2b(content, digest_size=6).hexdigest()
-
-
 class _Walk:
     """Follows imports from a first module. Found files are kept by names that do not depend on their folder.
 
@@ -175,7 +139,7 @@ class _Walk:
         self._tops: set[str] = set()
         self.files: set[Path] = set()
         self._folders: set[Path] = set()
-        self._find = functools.cache(_find)  # many files import the same few
+        self._find = functools.cache(distributions.find_module)  # many files import the same few
         folder = _package_folder(file, module)
         if folder is None:
             self._add_file(file, "the file itself")
@@ -185,7 +149,7 @@ class _Walk:
 
     def versions(self) -> dict[str, str]:
         """Return the versions of Python and of the distributions that were found."""
-        return {**_python(), **self._installed}
+        return {**distributions.python_version(), **self._installed}
 
     def digest(self, *, libraries: bool) -> str:
         """Return a digest of the files, and with `libraries` of the versions, 32 hex digits."""
@@ -225,7 +189,7 @@ class _Walk:
             return
         top = imported.partition(".")[0]
         spec = None if top == _OWN else self._find(top)
-        if spec is None or spec.origin in ("built-in", "frozen") or _is_standard(top, spec):
+        if spec is None or spec.origin in ("built-in", "frozen") or distributions.is_standard(top, spec):
             return
         folders = [Path(folder) for folder in spec.submodule_search_locations or ()]
         if spec.origin is None:
@@ -238,8 +202,8 @@ class _Walk:
             self._follow_links(imported, folders)
 
     def _add_top(self, top: str, origin: Path, *, is_package: bool) -> None:
-        if is_installed(origin):
-            self._installed[top] = _version(top, origin)
+        if distributions.is_installed(origin):
+            self._installed[top] = distributions.version_of(top, origin)
         elif is_package:
             self._add_folder(origin.parent)
         else:
@@ -282,27 +246,3 @@ def _package_folder(file: Path, module: str) -> Path | None:
 def is_hidden(name: str) -> bool:
     """Return whether a file or folder of this name is passed over."""
     return name.startswith(".") or name == "__pycache__"
-
-
-def _find(top: str) -> importlib.machinery.ModuleSpec | None:
-    try:
-        return importlib.util.find_spec(top)
-    except (ImportError, ValueError, AttributeError):
-        return None
-
-
-def _is_standard(top: str, spec: importlib.machinery.ModuleSpec) -> bool:
-    """Return whether `spec` is a module of the standard library, not another module with its name."""
-    if top not in sys.stdlib_module_names:
-        return False
-    return not (spec.origin or "").endswith(".py") or Path(str(spec.origin)).is_relative_to(_STANDARD)
-
-
-@functools.cache
-def _version(module: str, origin: Path) -> str:
-    """Return the version of the distribution named as the module, or else a digest of the files that hold versions."""
-    try:
-        return metadata.version(module.partition(".")[0])
-    except (metadata.PackageNotFoundError, ValueError):
-        files = [origin.with_name(name) for name in _VERSION_FILES] if origin.name == "__init__.py" else [origin]
-        return hex_of(b"".join(path.read_bytes() for path in files if path.is_file()))

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.registry.entries import paths_named
-from pytest_drive_robust.runner.cache_key.source_files import add_file, is_hidden
+from pytest_drive_robust.registry.agent_factories import paths_named
+from pytest_drive_robust.runner.cache_key.digests import add_file
+from pytest_drive_robust.runner.cache_key.source_files import is_hidden
 
 FileStates = tuple[tuple[str, int, int], ...]
 """(name, time of change in ns, size in bytes) of each file."""

@@ -30,6 +30,7 @@ _CALLERS = (
     "pytest_drive_robust.runner.",
     "pytest_drive_robust.testing.",
     "pytest_drive_robust.perturbations.base",
+    "pytest_drive_robust.perturbations.stack",
 )
 """Modules that only pass calls on to agents, simulators and perturbations; an error is never theirs."""
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import copy
-import math
 import time
 from array import array
 from collections.abc import Callable, Mapping
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
@@ -16,12 +15,13 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Image, Observation
-from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
+from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult, Injection, Trace, read_only
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.domain.truth import GroundTruth, LaneMap, WorldState
 from pytest_drive_robust.errors import AgentError, PerturbationError, SimulationError
-from pytest_drive_robust.perturbations.base import RunningStack, Setting
+from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.perturbations.stack import RunningStack
 from pytest_drive_robust.runner.episode.contract import (
     agent_act,
     agent_cameras,
@@ -31,9 +31,18 @@ from pytest_drive_robust.runner.episode.contract import (
     blame,
 )
 from pytest_drive_robust.runner.episode.surroundings import EVERY_TICKS, Surroundings
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.runner.episode.witness import Witness
+from pytest_drive_robust.runner.episode.world_contract import (
+    stack_schedule,
+    world_dt_s,
+    world_ends,
+    world_observation,
+    world_reset,
+    world_score,
+    world_step,
+)
 from pytest_drive_robust.simulators.base import EpisodeScore, Simulator
-from pytest_drive_robust.store.episode_fields import unstorable
 
 _Given = TypeVar("_Given")
 _OUTCOMES = {
@@ -42,36 +51,8 @@ _OUTCOMES = {
     End.SIMULATION_CRASHED: Outcome.INFRA_ERROR,
 }  # every other end is the agent's failure
 _WORLD, _PERTURBATION = "the simulation", "a perturbation"
-_ROUNDING_PCT = 1e-6
-"""Tolerance in percent: the sum of the metres outside may exceed the driven distance in its last digits."""
-
-
-class Watch:
-    """Is told whose code runs and what was driven, so that a crash or a hang is blamed on the right code.
-
-    The phases are `"reset"` (the agent's `sensors`, `consumes` and `reset`), `"act"` (the agent's `act`) and `"sim"`
-    (everything else: the world, the perturbations, the recorder). Methods are called in every tick and must return at
-    once. An error in a method counts as a fault of the simulation.
-    """
-
-    def phase(self, name: str, tick: int) -> None:
-        """Note that the phase `name` begins in `tick`."""
-
-    def equip(self, cameras: tuple[CameraSpec, ...], consumes: tuple[str, ...], *, privileged: bool) -> None:
-        """Note the agent's cameras, its signals, and whether it sees ground truth, at the start of an episode."""
-
-    def ticked(
-        self, tick: int, state: WorldState, observation: Observation, asked: Control | None, applied: Control
-    ) -> None:
-        """Note a driven tick.
-
-        `state` is the world at the time of the observation, `observation` the perturbed observation, of which the agent
-        had its own copy, `asked` the agent's answer, None when the agent was not asked, and `applied` the control that
-        the vehicle got.
-        """
-
-    def failed(self, error: Exception) -> None:
-        """Note the error that ends the episode."""
+USUAL_DT_S = 0.05
+"""The length of a tick in seconds in results of episodes whose world never told its own."""
 
 
 def drive_episode(
@@ -127,6 +108,7 @@ class RunningEpisode:
         self.shows_view = False
         self.plan: GlobalPlan | None = None
         self.warmup_ticks = 0
+        self.dt_s = USUAL_DT_S  # until `start` has asked the world
         self.started_s = time.perf_counter()
         self.share_s = 0.0
         self.ticks = 0
@@ -175,31 +157,28 @@ class RunningEpisode:
 
     def start(self) -> None:
         """Build the world, then reset the agent and the perturbations."""
-        if not 0.0 < self.simulator.dt_s < math.inf:
-            raise SimulationError(f"dt_s is {self.simulator.dt_s!r}, expected the seconds of a tick, above 0")
+        self.dt_s = world_dt_s(self.simulator)
         self._enter("reset")
         self.privileged = agent_privileged(self.agent)
-        cameras = agent_cameras(self.agent, self.simulator.dt_s)
+        cameras = agent_cameras(self.agent, self.dt_s)
         consumes = agent_consumes(self.agent)
         self._watch.equip(cameras, consumes, privileged=self.privileged)
         self.witness = Witness(tuple(camera.name for camera in cameras), consumes)
         self.shows_view = bool(self._view) and not cameras
         self._enter("sim")
         self._mounted = {camera.name: camera for camera in cameras or self._view}
-        self.state = _checked_state(
-            "reset", self.simulator.reset(self.route, seed=self.seed, cameras=cameras or self._view)
-        )
+        self.state = world_reset(self.simulator, self.route, self.seed, cameras or self._view)
         self.plan = self.simulator.plan()
         self._enter("reset")
         agent_reset(self.agent, self.plan, self.seed)
         self._enter("sim")
         self._whose = _PERTURBATION
-        self.stack = self.setting.start(
-            route_id=self.route.id, seed=self.seed, dt_s=self.simulator.dt_s, cameras=cameras
+        self.stack = RunningStack.of(
+            self.setting, route_id=self.route.id, seed=self.seed, dt_s=self.dt_s, cameras=cameras
         )
-        self.warmup_ticks = self.stack.warmup_ticks
+        self.warmup_ticks = self.setting.warmup_ticks
         self._whose = _WORLD
-        self._done = _ends(self.simulator.done)
+        self._done = world_ends(self.simulator)
 
     def tick(self) -> None:
         """Observe, ask the agent when its computer is free, step the world."""
@@ -214,7 +193,7 @@ class RunningEpisode:
         """
         stack = self.stack
         assert stack is not None  # start() came before
-        captured = self._captured()
+        captured = world_observation(self.simulator, self._mounted)
         if stack.observes:  # a slow camera's image is given again: writes to it would add up
             captured = captured.map_images(lambda name, image: image.read_only())
         self.images = captured.cameras
@@ -230,24 +209,6 @@ class RunningEpisode:
         self.witness.seen(captured, observation)
         given, truth = observation.private(), self._truth() if self.privileged else None
         return given if given.truth is truth else replace(given, truth=truth)
-
-    def _captured(self) -> Observation:
-        """Return the world's observation, checked. Raises `SimulationError`: a bad one would be blamed on the agent."""
-        captured: object = self.simulator.observe()
-        if not isinstance(captured, Observation):
-            raise SimulationError(f"observe() gave {captured!r}, expected an Observation")
-        problem = captured.signal_problem()
-        if problem is not None:
-            raise SimulationError(f"observe() gave an observation whose {problem}")
-        if captured.cameras.keys() != self._mounted.keys():
-            raise SimulationError(
-                f"observe() gave images of {sorted(captured.cameras)}, expected those of {sorted(self._mounted)}"
-            )
-        for name, camera in self._mounted.items():
-            problem = camera.image_problem(captured.cameras[name])
-            if problem is not None:
-                raise SimulationError(f"observe() gave an image of another kind: {problem}")
-        return captured
 
     def _truth(self) -> GroundTruth:
         """Return the ground truth for a privileged agent, in its own memory: worlds share the map of a town."""
@@ -290,14 +251,14 @@ class RunningEpisode:
             applied = Control.NEUTRAL  # the clean twin waits as long: not counted as a change by the setting
         else:
             self.witness.applied(tick, control, applied)
-        self.state = after = _checked_state("step", self.simulator.step(applied))
+        self.state = after = world_step(self.simulator, applied)
         ego = after.ego
         self._rows.extend((ego.x_m, ego.y_m, ego.yaw_rad, ego.speed_mps, ego.forward_mps2, ego.right_mps2))
         self._rows.extend((ego.yaw_rate_radps, applied.throttle, applied.steer, applied.brake))
         self._rows.append(self.simulator.progress_m)
         self.ticks += 1
         self._watch.ticked(tick, state, observation, control, applied)
-        self._done = _ends(self.simulator.done)
+        self._done = world_ends(self.simulator)
 
     def result(self, episode: Episode) -> EpisodeResult:
         """Return the result of the episode; an `infra_error` when the world cannot report its score."""
@@ -308,11 +269,11 @@ class RunningEpisode:
         try:
             self._enter("sim")
             if self.state is not None and not isinstance(self.crash, SimulationError):
-                score = _checked_score(self.simulator.score())
+                score = world_score(self.simulator)
                 if (problem := trace.problem()) is not None:
                     raise SimulationError(f"the world's {problem}")
             if self.stack is not None:
-                schedule = _checked_schedule(self.stack.schedule())
+                schedule = stack_schedule(self.stack)
             versions = {str(name): str(version) for name, version in self.simulator.versions().items()}
         except SimulationError as error:
             self.crash, score = error, None
@@ -330,7 +291,7 @@ class RunningEpisode:
             infractions=score.infractions if score else (),
             speed_ratios_pct=score.speed_ratios_pct if score else (),
             ticks=self.ticks,
-            dt_s=self.simulator.dt_s,
+            dt_s=self.dt_s,
             wall_s=self.share_s or time.perf_counter() - self.started_s,
             trace=trace,
             schedule=schedule,
@@ -358,47 +319,3 @@ class RunningEpisode:
         if self.crash is not None or score is None:
             return End.SIMULATION_CRASHED, str(self.crash)
         return score.end, score.end_detail
-
-
-def _checked_state(call: str, state: object) -> WorldState:
-    """Return the state that the world returned. Raises `SimulationError` when it is no `WorldState`."""
-    if not isinstance(state, WorldState):
-        raise SimulationError(f"{call}() gave {state!r}, expected a WorldState")
-    return state
-
-
-def _ends(done: object) -> bool:
-    """Return whether the world ends the episode. Raises `SimulationError` when `done` is neither an `End` nor None."""
-    if done is None or isinstance(done, End):
-        return done is not None
-    raise SimulationError(f"done is {done!r}, expected an End, and None while the episode goes on")
-
-
-def _checked_score(score: object) -> EpisodeScore:
-    """Return the score of the world, checked. Raises `SimulationError` for a score that cannot be stored."""
-    if not isinstance(score, EpisodeScore):
-        raise SimulationError(f"score() gave {score!r}, expected an EpisodeScore")
-    if not isinstance(score.end, End):
-        raise SimulationError(f"score() gave the end {score.end!r}, expected an End")
-    for item in score.infractions:
-        if not isinstance(item, Infraction):
-            raise SimulationError(f"score() gave the infraction {item!r}, expected Infraction objects")
-    for field in fields(EpisodeScore):
-        problem = unstorable(field.name, getattr(score, field.name))
-        if problem is not None:
-            raise SimulationError(f"score() gave what cannot be stored, {problem}")
-    for item in score.infractions:
-        if item.kind is InfractionKind.OUTSIDE_LANES and item.share_pct > 100.0 + _ROUNDING_PCT:
-            raise SimulationError(f"score() gave {item.kind.value} with share_pct {item.share_pct!r}, expected 0..100")
-    return score
-
-
-def _checked_schedule(schedule: tuple[Injection, ...]) -> tuple[Injection, ...]:
-    """Return the schedule of injections, checked. Raises `SimulationError` for a schedule that cannot be stored."""
-    for item in schedule:
-        if not isinstance(item, Injection):
-            raise SimulationError(f"schedule() of a perturbation gave {item!r}, expected Injection objects")
-    problem = unstorable("schedule", schedule)
-    if problem is not None:
-        raise SimulationError(f"schedule() of a perturbation gave what cannot be stored, {problem}")
-    return schedule

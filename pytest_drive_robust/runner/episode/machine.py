@@ -19,7 +19,9 @@ import numpy as np
 
 from pytest_drive_robust.domain.agent import computing_modules, has_portable_bits
 from pytest_drive_robust.domain.result import MACHINE_FACTS, EpisodeResult
-from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, hex_of, imported_versions, versions_of
+from pytest_drive_robust.runner.cache_key.digests import hex_of
+from pytest_drive_robust.runner.cache_key.distributions import versions_of
+from pytest_drive_robust.runner.cache_key.source_files import UnknownSourceError, imported_versions
 from pytest_drive_robust.simulators.base import Simulator
 
 _ANY_CODE = ("libm", "numpy")

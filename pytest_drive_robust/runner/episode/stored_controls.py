@@ -9,18 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Trace
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan, Route
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.runner.episode.loop import RunningEpisode
+from pytest_drive_robust.runner.episode.loop import USUAL_DT_S, RunningEpisode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
+from pytest_drive_robust.store.episode_fields import NO_TICKS
 
 
 class StoredControls:
@@ -121,7 +120,7 @@ def bare_result(route: Route, episode: Episode, *, outcome: Outcome, end: End, d
         infractions=(),
         speed_ratios_pct=(),
         ticks=0,
-        dt_s=0.05,
+        dt_s=USUAL_DT_S,
         wall_s=0.0,
-        trace=Trace(np.zeros((0, len(Trace.COLUMNS)))),
+        trace=NO_TICKS,
     )

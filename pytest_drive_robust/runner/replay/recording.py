@@ -22,7 +22,8 @@ from pytest_drive_robust.jit.arrays import Floats, Pixels
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.generators import borrowed_generators
-from pytest_drive_robust.runner.episode.loop import RunningEpisode, Watch
+from pytest_drive_robust.runner.episode.loop import RunningEpisode
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.simulators.base import Simulator
 
 _VIEW = CameraSpec("front (not given to the agent)", width_px=384, height_px=216)

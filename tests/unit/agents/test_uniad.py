@@ -26,7 +26,7 @@ from drive_robust_agents.uniad import UniAD  # noqa: E402
 from pytest_drive_robust import GlobalPlan, Observation, RoadOption  # noqa: E402
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed  # noqa: E402
 from pytest_drive_robust.domain.route import PlanPoint  # noqa: E402
-from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep  # noqa: E402
+from pytest_drive_robust.runner.lockstep.check import Recording, check_lockstep  # noqa: E402
 
 ROOT = Path(__file__).parents[3]
 PLAN = GlobalPlan(tuple(PlanPoint(40.0 * k, 0.0, RoadOption.LANE_FOLLOW) for k in range(6)))

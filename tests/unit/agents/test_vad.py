@@ -26,7 +26,7 @@ from pytest_drive_robust import Control, GlobalPlan, Observation, RoadOption  # 
 from pytest_drive_robust.domain.agent import SIGNALS  # noqa: E402
 from pytest_drive_robust.domain.observation import Compass, Gps, Image, Imu, Speed  # noqa: E402
 from pytest_drive_robust.domain.route import PlanPoint  # noqa: E402
-from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep  # noqa: E402
+from pytest_drive_robust.runner.lockstep.check import Recording, check_lockstep  # noqa: E402
 
 
 def plan(*commands: RoadOption) -> GlobalPlan:

@@ -48,7 +48,7 @@ def test_the_clean_stack_gives_back_the_very_objects_that_it_gets(
     assert stack.wants_inference(tick)
     assert stack.actuate(tick, control, 0.1) is control
     assert stack.schedule() == ()
-    assert (stack.warmup_ticks, stack.measures_inference, stack.inference_s) == (0, False, ())
+    assert (Setting.CLEAN.warmup_ticks, Setting.CLEAN.measures_inference, stack.inference_s) == (0, False, ())
 
 
 @settings(max_examples=20, deadline=None)

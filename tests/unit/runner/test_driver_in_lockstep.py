@@ -22,8 +22,9 @@ from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
 from pytest_drive_robust.runner.driver import EpisodeDriver
-from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.machine import machine_facts
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent

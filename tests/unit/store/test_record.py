@@ -113,3 +113,9 @@ def test_a_record_of_another_format_is_refused(monkeypatch):
     monkeypatch.setattr(record, "FORMAT_VERSION", 2)
     with pytest.raises(OtherFormatError, match="it has episode format 1, this version reads 2"):
         decode_episode(BYTES)
+
+
+@pytest.mark.parametrize("wrong", [{"ticks": "7"}, {"privileged": 1}, {"wall_s": -1.0}, {"versions": {"numpy": 2}}])
+def test_a_fact_of_another_kind_is_refused(wrong):
+    with pytest.raises(CorruptRecordError, match=r"no episode is in it: .*expected"):
+        decode_episode(encode_episode(replace(FULL, **wrong)))

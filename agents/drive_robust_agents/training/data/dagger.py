@@ -25,6 +25,7 @@ from pytest_drive_robust import Agent, Setting
 from pytest_drive_robust.domain.agent import is_privileged
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import RunningStack
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.episode.contract import agent_act, agent_reset
 
@@ -97,7 +98,7 @@ def drive_mixture(
     episode = ExpertEpisode.begin(route, seed=seed, cameras=cameras, stuck_s=_STUCK_S, teacher=teacher)
     simulator = episode.simulator
     setting = mixture.setting(draws(data_seed, route.id, seed, "setting"))
-    failures = setting.start(route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
+    failures = RunningStack.of(setting, route_id=route.id, seed=seed, dt_s=simulator.dt_s, cameras=cameras)
     turns = agent_turns(draws(data_seed, route.id, seed, "turns"), TICK_CAP + 1, mixture.beta)
     rng = draws(data_seed, route.id, seed, "moments")
     phase, found = int(rng.integers(KEEP_TICKS)), list[Sample]()

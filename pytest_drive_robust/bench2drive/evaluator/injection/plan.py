@@ -33,7 +33,8 @@ class InjectionPlan(NamedTuple):
 
     def started(self, route: str, repetition: int, rig: Iterable[CameraSpec]) -> RunningStack:
         """Return the setting, started for one route; `repetition` is added to the seed."""
-        return self.setting.start(route_id=route, seed=self.seed + repetition, dt_s=self.dt_s, cameras=tuple(rig))
+        seed = self.seed + repetition
+        return RunningStack.of(self.setting, route_id=route, seed=seed, dt_s=self.dt_s, cameras=tuple(rig))
 
     @property
     def is_late(self) -> bool:

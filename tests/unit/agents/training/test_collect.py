@@ -30,7 +30,8 @@ from drive_robust_agents.training.data.shards import Shard
 from pytest_drive_robust import CameraSpec
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations import Setting
-from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 
 WAY = "ControlLoss"

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from pytest_drive_robust.runner.cache_key import source_files
+from pytest_drive_robust.runner.cache_key import distributions
 
 
 @pytest.fixture
@@ -36,7 +36,7 @@ def other_versions(monkeypatch):
     """Return what pretends that Python and all installed libraries have other versions."""
 
     def pretend() -> None:
-        monkeypatch.setattr(source_files, "_version", lambda top, origin: f"another {top}")
-        monkeypatch.setattr(source_files, "_python", lambda: {"python": "4.0"})
+        monkeypatch.setattr(distributions, "version_of", lambda top, origin: f"another {top}")
+        monkeypatch.setattr(distributions, "python_version", lambda: {"python": "4.0"})
 
     return pretend

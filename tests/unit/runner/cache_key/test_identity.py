@@ -10,8 +10,8 @@ from agent_identities import AGENT, identity_with
 
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry, default_registry
-from pytest_drive_robust.runner.cache_key import identity, source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import SESSION, code_of
+from pytest_drive_robust.runner.cache_key import distributions, identity
+from pytest_drive_robust.runner.cache_key.code_text import SESSION, code_of
 from pytest_drive_robust.runner.cache_key.identity import (
     agent_identity,
     identity_of,
@@ -84,7 +84,7 @@ def test_a_circle_of_imports_ends(module):
 def test_an_installed_distribution_counts_by_its_version(module, monkeypatch):
     agent = module("lonely_agent", "import numpy\nimport cv2\n" + AGENT).Agent
     first = identity_with(agent)
-    monkeypatch.setattr(source_files, "_version", lambda top, origin: "another" if top == "numpy" else "same")
+    monkeypatch.setattr(distributions, "version_of", lambda top, origin: "another" if top == "numpy" else "same")
     assert identity_with(agent) != first
 
 
@@ -127,7 +127,7 @@ def test_an_agent_names_what_its_bits_depend_on(module, monkeypatch):
         found = []
         for version in ("1", "2"):
             versions = {library: version}
-            monkeypatch.setattr(source_files, "_version", lambda top, origin, known=versions: known.get(top, "same"))
+            monkeypatch.setattr(distributions, "version_of", lambda top, origin, known=versions: known.get(top, "same"))
             found.append(identity_with(agent))
         return found[0] != found[1]
 

@@ -7,13 +7,12 @@ from types import ModuleType
 
 import pytest
 
-from pytest_drive_robust.runner.cache_key.canonical_text import code_of
+from pytest_drive_robust.runner.cache_key.code_text import code_of
 from pytest_drive_robust.runner.cache_key.source_files import (
     UnknownSourceError,
     code_digest,
     file_of,
     source_digest,
-    versions_of,
 )
 
 
@@ -184,14 +183,6 @@ def test_a_link_by_which_an_editor_locks_a_file_is_no_code(module, tmp_path):
     assert code_digest(["driving_pkg"]) == first
 
 
-def test_the_minor_version_of_python_counts():
-    assert versions_of([]) == {"python": f"{sys.version_info.major}.{sys.version_info.minor}"}
-
-
-def test_a_module_that_is_not_there_is_absent():
-    assert versions_of(["no_such_module"])["no_such_module"] == "absent"
-
-
 def test_a_module_counts_that_has_the_name_of_one_of_the_standard_library(module):
     assert "this" in sys.stdlib_module_names
 
@@ -200,7 +191,3 @@ def test_a_module_counts_that_has_the_name_of_one_of_the_standard_library(module
         return code_of(module("tuned", "from this import SPEED\nclass Agent: pass\n").Agent)
 
     assert code_at(6) == code_at(6) != code_at(0)
-
-
-def test_a_part_of_a_library_has_the_version_of_the_whole():
-    assert versions_of(["numpy.linalg"])["numpy.linalg"] == versions_of(["numpy"])["numpy"]

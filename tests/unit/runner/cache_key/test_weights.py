@@ -6,7 +6,7 @@ import pytest
 from agent_identities import AGENT, identity_with
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.cache_key import source_files
+from pytest_drive_robust.runner.cache_key import digests
 
 
 def test_weights_count_by_their_content(module, tmp_path):
@@ -47,7 +47,7 @@ def test_a_folder_of_weights_counts_by_the_names_and_contents_of_its_files(modul
 
 
 def test_all_of_a_large_weight_file_counts(module, tmp_path, monkeypatch):
-    monkeypatch.setattr(source_files, "_BLOCK_BYTES", 4)
+    monkeypatch.setattr(digests, "_BLOCK_BYTES", 4)
     agent = module("lonely_agent", AGENT).Agent
     agent.weights = tmp_path / "weights.pt"
     identities = []

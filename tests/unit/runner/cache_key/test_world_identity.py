@@ -11,11 +11,11 @@ import pytest
 import pytest_drive_robust
 from pytest_drive_robust import simulators
 from pytest_drive_robust.registry.registry import Registry, default_registry
-from pytest_drive_robust.runner.cache_key import identity, source_files
-from pytest_drive_robust.runner.cache_key.canonical_text import file_digests
+from pytest_drive_robust.runner.cache_key import distributions, identity, source_files
 from pytest_drive_robust.runner.cache_key.identity import (
     simulator_identity,
 )
+from pytest_drive_robust.runner.cache_key.named_files import file_digests
 from pytest_drive_robust.runner.cache_key.source_files import file_of, file_of_name
 from pytest_drive_robust.simulators import embedded
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -61,7 +61,7 @@ def test_a_source_of_a_world_without_a_file_is_known_to_nobody_but_this_session(
     world.sources = ("sys",)
     here = simulator_identity("fake", registry, world, SimulatorOptions())
     assert simulator_identity("fake", registry, world, SimulatorOptions()) == here
-    monkeypatch.setattr("pytest_drive_robust.runner.cache_key.canonical_text.SESSION", "another")
+    monkeypatch.setattr("pytest_drive_robust.runner.cache_key.code_text.SESSION", "another")
     assert simulator_identity("fake", registry, world, SimulatorOptions()) != here
 
 
@@ -130,7 +130,7 @@ def test_what_else_decides_an_episode_in_a_world_counts(monkeypatch):
         patched.setattr(identity, "FORMAT_VERSION", 99)  # a record of before would be read as one of now
         digests.append(digest())
     with monkeypatch.context() as patched:
-        patched.setattr(source_files, "_python", lambda: {"python": "4.0"})
+        patched.setattr(distributions, "python_version", lambda: {"python": "4.0"})
         digests.append(digest())
     assert len(set(digests)) == len(digests)
 

@@ -14,7 +14,8 @@ from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind, Outcome
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import GpsNoise, InferenceLatency, PartialObservation, Perturbation, Setting
-from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.routes import named_routes

@@ -116,6 +116,7 @@ def test_an_answer_of_the_world_that_says_nothing_is_no_score_of_the_agent(
     world = type("Odd", (FakeSimulator,), change)
     result = drive(ScriptedAgent([FULL]), simulator=world())
     assert (result.outcome, result.ticks, result.end_detail) == (Outcome.INFRA_ERROR, ticks, told)
+    assert decode_episode(encode_episode(result)).end_detail == told
 
 
 @pytest.mark.parametrize("name", ["x_m", "speed_mps", "forward_mps2"])

@@ -15,8 +15,9 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import GlobalPlan
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
-from pytest_drive_robust.runner.episode.loop import Watch, drive_episode
+from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, StoredControls, drive_again
+from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.simulators.base import SimulatorOptions

@@ -18,6 +18,7 @@ from pytest_drive_robust.perturbations import (
     InferenceLatency,
     PartialObservation,
     Perturbation,
+    RunningStack,
     SensorDelay,
     Setting,
     SpeedNoise,
@@ -86,7 +87,7 @@ def test_each_signal_is_counted_in_the_ticks_in_which_it_differed(
 def test_bursts_are_counted_as_they_are_scheduled() -> None:
     setting = BurstFrameDrop(length_s=0.5, probability=0.05)
     (touch,) = received(setting, cameras=(FRONT,)).touched
-    frozen = Setting.of(setting).start(route_id="1", seed=1, dt_s=0.05, cameras=(FRONT,))
+    frozen = RunningStack.of(Setting.of(setting), route_id="1", seed=1, dt_s=0.05, cameras=(FRONT,))
     world = FakeSimulator(SimulatorOptions(tick_cap=60))
     world.reset(fake_route(), seed=1, cameras=(FRONT,))
     stale = []

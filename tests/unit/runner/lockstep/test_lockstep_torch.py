@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from lockstep_agents import Floats, Net, bits, drive_together, task
 
-from pytest_drive_robust.runner.lockstep.batch import check_lockstep, record
+from pytest_drive_robust.runner.lockstep.check import check_lockstep, record
 from pytest_drive_robust.testing import FakeSimulator
 
 torch = pytest.importorskip("torch")

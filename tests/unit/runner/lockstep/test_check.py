@@ -10,7 +10,7 @@ from lockstep_agents import Floats, Net, bits, drive_together, task
 
 from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import Observation
-from pytest_drive_robust.runner.lockstep.batch import Recording, check_lockstep, record
+from pytest_drive_robust.runner.lockstep.check import Recording, check_lockstep, record
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.testing import FakeSimulator, ScriptedAgent
 
