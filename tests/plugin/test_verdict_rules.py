@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.testing import fake_route
 

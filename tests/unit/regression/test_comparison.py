@@ -135,7 +135,7 @@ def test_the_verdict_on_a_relative_drop_is_that_of_the_gate(pairs: list[tuple[fl
 
 
 def compare_order(old: Cell, new: Cell) -> list[int]:
-    from pytest_drive_robust.runner.plan import planned_order
+    from pytest_drive_robust.runner.planned_order import planned_order
 
     types = [score.scenario for score in new.routes.values()]
     return [int(route) - 1 for route in planned_order(list(old.routes), types, "driver clean")]

@@ -19,7 +19,8 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.report.progress_state import ProgressState
 from pytest_drive_robust.runner.campaign import Campaign
 from pytest_drive_robust.runner.executor import Executor
-from pytest_drive_robust.runner.plan import EpisodeRequest, Scope, planned_order
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import MemoryStore
 from pytest_drive_robust.store.events import Event, Finished

@@ -27,7 +27,7 @@ from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pa
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.runner.plan import planned_order
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
