@@ -145,6 +145,6 @@ class _CommandParser(_Parser):
             flag, equals, text = word.partition("=")
             given, option = text if equals else next_word, self._option_string_actions.get(flag)
             if option is not None and option.nargs != 0 and not given.strip():
-                expected = f", expected {option.metavar}" if option.metavar else ""
-                advice = "" if option.required else " Leave it out to use the default."
-                raise UsageError(f"{flag} is empty{expected}.{advice}")
+                told = f"{flag} is empty, expected {option.metavar or 'a value'}"
+                help_text = (option.help or "").replace("%%", "%")
+                raise UsageError(f"{told}: {help_text}." if help_text else f"{told}.")

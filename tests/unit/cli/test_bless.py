@@ -102,7 +102,7 @@ def test_a_baseline_is_not_blessed_again(capsys: pytest.CaptureFixture[str]) -> 
     ("arguments", "told"),
     [
         (["befor", "--reason", "why"], "Did you mean 'before'"),
-        (["before", "--reason", " "], "--reason is empty, expected TEXT.\n"),
+        (["before", "--reason", " "], "--reason is empty, expected TEXT: "),
     ],
 )
 def test_what_cannot_be_blessed_exits_with_4(

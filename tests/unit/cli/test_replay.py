@@ -449,7 +449,7 @@ def test_stored_controls_are_driven_again_without_the_agent(
         ({"--tick-cap": "0"}, "expected at least 1"),
         ({"--seed": "0", "--stored-controls": ""}, "Give its .episode file as ROUTE"),
         ({1: "gone.episode"}, "there is no episode file 'gone.episode'"),
-        ({"--setting=": ""}, "--setting is empty, expected SENTENCE. Leave it out"),
+        ({"--setting=": ""}, "--setting is empty, expected SENTENCE: "),
         ({"--run=": ""}, "--run is empty, expected"),
     ],
     ids=lambda value: str(value)[:40],

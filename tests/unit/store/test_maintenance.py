@@ -315,4 +315,4 @@ def test_the_command_finds_the_store_above_and_refuses_none(store, capsys, monke
     assert main(["store", "gc", "--older-than", "soon"]) == 4
     assert "--older-than is 'soon', expected a time such as 90s, 20m or 1.5h" in capsys.readouterr().err
     assert main(["store", "gc", "--agent", "driver", "--older-than", ""]) == 4  # or all of it would go
-    assert "--older-than is '', expected a time such as 30d or 12h" in capsys.readouterr().err
+    assert "--older-than is empty, expected TIME: also remove records older than this" in capsys.readouterr().err
