@@ -27,6 +27,8 @@ def test_its_data_is_of_the_paper_suite_and_complete():
     run = data_of(SAMPLE)
     assert set(EpisodeTable.COLUMNS) < set(run["episodes"]), "docs/gallery/report.md says how to make it again"
     assert len(run["requirements"]) == 12
+    broken = [stated["requirement"] for stated in run["requirements"] if stated["verdict"] == "fail"]
+    assert broken == ["RD under GPS noise 15 m <= 0.30"], "the one that docs/gallery/report.md and README.md speak of"
     assert all((SAMPLE / "data" / f"route-{place}.js").is_file() for place in range(len(run["routes"])))
     assert all(run["episodes"]["trace"])
 
