@@ -93,9 +93,10 @@ def _truth(value: object) -> bool:
 
 
 def _whole(value: object) -> int:
-    if not 0 <= _seed(value) < 1 << 53:
+    whole = _seed(value)
+    if not 0 <= whole < 1 << 53:
         raise ValueError("expected a whole number of 0 or more")
-    return _seed(value)
+    return whole
 
 
 def _seed(value: object) -> int:
