@@ -13,9 +13,12 @@ from pytest_drive_robust.verdict.requirement import Requirement
 
 
 def requirements_of(item: pytest.Item) -> dict[str, Requirement]:
-    """Return the requirements that are parameters of a test, by the names of the parameters."""
-    params = getattr(getattr(item, "callspec", None), "params", {})
-    return {name: value for name, value in params.items() if isinstance(value, Requirement)}
+    """Return the requirements that are parameters of a test, by how the test names them: `"wanted"`, `"wanted[0]"`."""
+    named = dict(getattr(getattr(item, "callspec", None), "params", {}))
+    for name, value in list(named.items()):
+        if isinstance(value, (list, tuple)):
+            named |= {f"{name}[{index}]": each for index, each in enumerate(value)}
+    return {name: value for name, value in named.items() if isinstance(value, Requirement)}
 
 
 def place_of(item: pytest.Item, stated: object) -> tuple[str, int] | None:

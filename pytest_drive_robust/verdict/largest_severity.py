@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import total_ordering
 from itertools import pairwise
 from typing import Literal
 
@@ -20,6 +20,7 @@ from pytest_drive_robust.verdict.requirement import Requirement
 
 Answer = Literal["holds", "breaks", "undecided"]
 SearchRule = Literal["evidence", "point"]
+_Ends = tuple[float, float]
 ALPHA = 0.1
 """The alpha per severity and side. A bisection asks some five severities; only those at the crossing are in doubt."""
 
@@ -48,7 +49,6 @@ class SeverityProbe:
     reason: str = ""
 
 
-@total_ordering
 @dataclass(frozen=True, eq=False)
 class Bracket:
     """The two severities between which `metric comparison limit` stops to hold.
@@ -58,8 +58,9 @@ class Bracket:
     `"evidence"` (`stats.judges.EvidenceJudge` with margin 0 and `alpha` a side) or `"point"` (the value over all routes
     compared with the limit, for too few routes or a user's metric). `warnings` are sentences.
 
-    A bracket compares with a perturbation or a number by its `holds`:
-    `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)`.
+    A bracket compares with a perturbation or a number: `drive.largest(InferenceLatency) >= InferenceLatency(ms=150)` is
+    True if 150 ms or more were shown to hold, and `<` if 150 ms or less were shown to break. Both are False if neither
+    was shown.
     """
 
     ladder: Ladder
@@ -125,24 +126,39 @@ class Bracket:
     __repr__ = __str__
 
     def __eq__(self, other: object) -> bool:
-        severity = self._severity_of(other)
-        return NotImplemented if severity is None else self._reach() == severity
+        return self._compare(other, lambda own, theirs: own[0] == own[1] == theirs[0] == theirs[1])
 
     def __lt__(self, other: object) -> bool:
-        severity = self._severity_of(other)
-        return NotImplemented if severity is None else self._reach() < severity
+        return self._compare(other, lambda own, theirs: own[1] < theirs[0])
+
+    def __le__(self, other: object) -> bool:
+        return self._compare(other, lambda own, theirs: own[1] <= theirs[0])
+
+    def __gt__(self, other: object) -> bool:
+        return self._compare(other, lambda own, theirs: own[0] > theirs[1])
+
+    def __ge__(self, other: object) -> bool:
+        return self._compare(other, lambda own, theirs: own[0] >= theirs[1])
 
     __hash__ = object.__hash__
 
-    def _reach(self) -> float:
-        return float("-inf") if self.holds is None else self._severity(self.holds)
+    def _compare(self, other: object, is_shown: Callable[[_Ends, _Ends], bool]) -> bool:
+        theirs = self._ends_of(other)
+        return NotImplemented if theirs is None else is_shown(self._ends(), theirs)
 
-    def _severity_of(self, other: object) -> float | None:
+    def _ends(self) -> _Ends:
+        """Return between which severities the largest that holds lies: two unlike ones where some are undecided."""
+        above = self.ladder.levels.index(self.breaks) if self.breaks is not None else len(self.ladder.levels)
+        ends = (self.holds, self.ladder.levels[above - 1] if above else None)
+        low, high = (-math.inf if level is None else self._severity(level) for level in ends)
+        return low, high
+
+    def _ends_of(self, other: object) -> _Ends | None:
         if isinstance(other, Bracket):
-            return other._reach()
+            return other._ends()
         if isinstance(other, Perturbation):
             other = self.ladder.level_of(other)
-        return self._severity(other) if isinstance(other, (int, float)) else None
+        return (self._severity(other), self._severity(other)) if isinstance(other, (int, float)) else None
 
     def _severity(self, level: float) -> float:
         """Return a number that grows with severity; a ladder of one level follows the failure's own steps."""

@@ -136,6 +136,10 @@ def test_skipped(drive, requirement):
 def test_only_reads(requirement):
     assert requirement.limit == 90
 
+@pytest.mark.parametrize("wanted", [requirements("DS under clean >= 90\\nDS under clean >= 2")])
+def test_judges_the_first_of_a_list(drive, wanted):
+    drive.check(wanted[0])
+
 def test_without(drive):
     assert drive.routes
 """
@@ -145,13 +149,15 @@ def test_without(drive):
 def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
     result = run(suite(test=FORGETFUL), *workers)
     assert result.ret == 1
-    result.assert_outcomes(passed=7, skipped=1, errors=6)
+    result.assert_outcomes(passed=7, skipped=1, errors=7)
     result.stdout.fnmatch_lines(
         [
             "ERROR: not judged: DS under clean >= 90",
             "the test ended without judging it. Call drive.check(requirement), or skip the test.",
             "ERROR: not judged: DS under clean >= 1",
             "the test ended without judging it. Call drive.check(second), or skip the test.",
+            "ERROR: not judged: DS under clean >= 2",
+            "the test ended without judging it. Call drive.check(wanted[[]1[]]), or skip the test.",
             "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
         ]
     )

@@ -100,15 +100,53 @@ def test_a_bracket_of_a_users_metric_blames_no_lack_of_routes() -> None:
     assert "(point rule on 24 routes, as for all metrics of your own)" in str(found)
 
 
-def test_a_bracket_compares_by_what_was_shown_to_hold() -> None:
-    found = bracket((140, "holds"), (180, "breaks"), (160, "undecided"))
+def test_a_bracket_compares_by_what_was_shown() -> None:
+    found = bracket((140, "holds"), (160, "breaks"))
     assert found >= InferenceLatency(ms=140)
     assert found >= InferenceLatency(ms=150)  # 150 ms are 7 ticks of 20 ms, as 140 are
     assert not found >= InferenceLatency(ms=160)
     assert found < InferenceLatency(ms=160)
     assert found == InferenceLatency(ms=140)
     assert found > 100
-    assert found >= bracket((100, "holds"))
+    assert found >= bracket((100, "holds"), (120, "breaks"))
+
+
+def test_what_is_undecided_is_neither_reached_nor_missed() -> None:
+    found = bracket((140, "holds"), (200, "breaks"), (160, "undecided"), (180, "undecided"))
+    for undecided in (160, 180):
+        assert not found >= undecided
+        assert not found < undecided
+    assert found != 140
+    assert not found <= 140
+    assert found >= 140
+    assert found <= 180
+    assert found < 200
+    other = bracket((160, "holds"), (180, "breaks"))
+    assert not found >= other
+    assert not found < other
+
+
+def test_a_search_that_decided_nothing_compares_with_nothing() -> None:
+    found = bracket(*((level, "undecided") for level in LATENCY.levels))
+    for level in LATENCY.levels:
+        assert not found >= level
+        assert not found < level
+        assert found != level
+
+
+@given(st.lists(st.sampled_from(["holds", "breaks", "undecided"]), min_size=10, max_size=10), st.data())
+def test_at_most_one_of_two_opposite_comparisons_is_shown(answers: list[Answer], data: st.DataObject) -> None:
+    ladder = ladder_of(InferenceLatency, dt_s=0.02, levels=LATENCY.levels[:10])
+    found = bracket(*zip(ladder.levels, answers, strict=True), ladder=ladder)
+    level = data.draw(st.sampled_from(ladder.levels))
+    assert not (found >= level and found < level)
+    assert not (found > level and found <= level)
+    if found >= level:
+        assert found.holds is not None
+        assert found.holds >= level
+    if found < level:
+        assert found.breaks is not None
+        assert found.breaks <= level
 
 
 def test_nothing_is_as_small_as_a_bracket_that_never_held() -> None:
