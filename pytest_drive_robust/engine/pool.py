@@ -55,7 +55,8 @@ class ProcessExecutor(LocalExecutor):
         if self._fork_server is None:
             return 0, 0
         done, total = self._fork_server.compiling
-        return (total, total) if self._fork_server.is_ready and len(self._idle) < self._workers else (done, total)
+        drives = self._fork_server.is_ready and len(self._idle) < len(self._supervisors)
+        return (total, total) if drives else (done, total)
 
     def close(self) -> None:
         """End all workers, also those that drive an episode."""

@@ -6,12 +6,14 @@ import threading
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.executor import Driver, Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.waiting_episodes import Batch, WaitingEpisodes
 
 _MOST_WORDS = 2000
 """How many characters of a broken episode's output are kept for reports."""
@@ -35,30 +37,23 @@ class LocalExecutor(Executor):
         shares: Callable[[str], bool] = lambda agent: False,
     ) -> None:
         self._make_drivers = make_drivers
-        self._width = width or 1
-        self._shares = shares
-        self._workers = max(1, threads)
-        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="drive-robust") if threads else None
-        self.work = None if threads else self._work
-        self._singles: set[Future[EpisodeResult]] = set()
         self._drivers: Sequence[Driver] = ()
+        self._waiting = WaitingEpisodes(max(1, threads), width or 1, shares)
+        self._pool = ThreadPoolExecutor(threads, thread_name_prefix="drive-robust") if threads else None
+        self._idle: list[Driver] = []
+        self.work = None if threads else self._work
         self._steps: Generator[None, None, None] = (None for _ in ())
         self._lock = threading.Lock()
-        self._idle: list[Driver] = []
-        self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
-        self._batches: list[dict[str, Future[EpisodeResult]]] = []
-        self._yielding: dict[str, Future[EpisodeResult]] | None = None
         self._words: list[tuple[str, str]] = []
 
     @property
     def slots(self) -> int:
         """Return how many episodes fit; an episode that is driven alone takes the place of a batch."""
-        self._singles = {future for future in self._singles if not future.done()}
-        return self._workers * self._width - (self._width - 1) * len(self._singles)
+        return self._waiting.slots
 
     def together(self, agent: str) -> int:
         """Return the width of batches for an agent that shares them, else 1."""
-        return self._width if self._width > 1 and self._shares(agent) else 1
+        return self._waiting.together(agent)
 
     def submit(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Queue an episode for the next free driver; return a future of its result. Raises `UsageError`.
@@ -68,11 +63,7 @@ class LocalExecutor(Executor):
         if not self._drivers:
             self._drivers = self._make_drivers(request.episode.agent)
             self._idle += self._drivers
-        future: Future[EpisodeResult] = Future()
-        with self._lock:
-            if self._width > 1 and self.together(request.episode.agent) == 1:
-                self._singles.add(future)
-            self._waiting.append((request, future))
+        future = self._waiting.add(request)
         if self._pool is not None:
             self._pool.submit(self._drive_in_thread)
         return future
@@ -105,86 +96,39 @@ class LocalExecutor(Executor):
 
     def _drive(self, driver: Driver) -> Generator[None, None, None]:
         """Drive waiting episodes until none waits; yield after each episode that has ended."""
-        while (first := self._first()) is not None:
-            taken: dict[str, Future[EpisodeResult]] = {}
-            try:
-                yield from self._drive_first(driver, first, taken)
-            except Exception as error:  # `UsageError`, `Stopped` or another: no future may stay open
-                self._fail(first.episode.agent, taken, error)
-                yield
-            finally:
-                for future in taken.values():  # a test was interrupted, as by a timeout: later tests may retry
-                    future.cancel()
-                with self._lock:
-                    self._batches = [batch for batch in self._batches if batch is not taken]
-                    if self._yielding is taken:
-                        self._yielding = None
+        while (batch := self._waiting.begin()) is not None:
+            yield from self._drive_batch(driver, batch)
 
-    def _first(self) -> EpisodeRequest | None:
-        """Return the next episode: one that is driven alone, because no batch grows while it waits, else the oldest."""
-        waiting = tuple(self._waiting)
-        alone = (request for request, future in waiting if future in self._singles)
-        return next(alone, waiting[0][0] if waiting else None)
+    def _drive_batch(self, driver: Driver, batch: Batch) -> Generator[None, None, None]:
+        """Drive a batch to its end, and leave no future of it open."""
+        try:
+            yield from self._drive_episodes(driver, batch)
+        except Exception as error:  # `UsageError`, `Stopped` or another
+            self._waiting.fail(batch, error)
+            yield
+        finally:
+            self._waiting.end(batch)
 
-    def _drive_first(
-        self, driver: Driver, first: EpisodeRequest, taken: dict[str, Future[EpisodeResult]]
-    ) -> Generator[None, None, None]:
-        """Drive `first`, in a batch with other episodes of its agent if the agent shares batches.
-
-        Yields after each ended episode. `taken` holds the futures of the episodes without a result yet, by key.
-        """
-        agent = first.episode.agent
-        width = self._width if self.together(agent) > 1 else None
-        if width is not None:
-            with self._lock:
-                self._batches.append(taken)
-
-        def take() -> EpisodeRequest | None:
-            with self._lock:
-                if width is not None and (self._yields(agent, taken) or len(taken) >= self._share()):
-                    return None
-                for number, (request, future) in enumerate(self._waiting):
-                    if request.episode.agent == agent:
-                        taken[request.key] = future
-                        del self._waiting[number]
-                        return request
-            return None
-
+    def _drive_episodes(self, driver: Driver, batch: Batch) -> Generator[None, None, None]:
+        """Drive an episode alone, or a batch at once and then alone what it left; yield after each ended episode."""
+        take = partial(self._waiting.take, batch)
         alone: list[EpisodeRequest] = []
-        for request, result in () if width is None else driver.drive_batch(agent, take, width):
-            if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
-                alone.append(request)
-            else:
-                self._end(driver, taken.pop(request.key), result)
-                yield
-        if width is None and (single := take()) is not None:
-            alone.append(single)
+        if batch.width is None:
+            alone += filter(None, [take()])
+        else:
+            for request, result in driver.drive_batch(batch.agent, take, batch.width):
+                if result is None or (isinstance(result, EpisodeResult) and result.outcome is Outcome.INFRA_ERROR):
+                    alone.append(request)
+                else:
+                    self._end(driver, batch.open.pop(request.key), result)
+                    yield
         for request in alone:
             try:
-                found: EpisodeResult | UsageError = driver.drive(request, width)
+                found: EpisodeResult | UsageError = driver.drive(request, batch.width)
             except UsageError as error:
                 found = error
-            self._end(driver, taken.pop(request.key), found)
+            self._end(driver, batch.open.pop(request.key), found)
             yield
-
-    def _yields(self, agent: str, taken: dict[str, Future[EpisodeResult]]) -> bool:
-        """Return whether a batch takes no more episodes, because an episode that cannot join waits for a driver.
-
-        Only one batch at a time yields: otherwise a single such episode would empty every driver.
-        """
-        first = self._first()
-        if first is None or first.episode.agent == agent:
-            if self._yielding is taken:
-                self._yielding = None
-        elif self._yielding is None:
-            self._yielding = taken
-        return self._yielding is taken
-
-    def _share(self) -> int:
-        """Return how many episodes a batch may hold, so that none holds eight while other drivers have nothing."""
-        alone = sum(not future.done() for future in self._singles)
-        unfinished = len(self._waiting) + sum(map(len, self._batches))
-        return -(-unfinished // max(1, self._workers - alone))
 
     def _end(self, driver: Driver, future: Future[EpisodeResult], result: EpisodeResult | UsageError) -> None:
         """Set the result of a future; keep the output of a broken episode for reports."""
@@ -198,12 +142,3 @@ class LocalExecutor(Executor):
                 if len(self._words) < _MOST_EPISODES:
                     self._words.append((str(result.episode), shown))
         future.set_result(result)
-
-    def _fail(self, agent: str, taken: dict[str, Future[EpisodeResult]], error: Exception) -> None:
-        """Set `error` on the taken futures and on all waiting episodes of this agent."""
-        with self._lock:
-            lost = [future for request, future in self._waiting if request.episode.agent == agent]
-            self._waiting = [item for item in self._waiting if item[0].episode.agent != agent]
-        for future in (*taken.values(), *lost):
-            future.set_exception(error)
-        taken.clear()
