@@ -46,7 +46,7 @@ from pytest_drive_robust.runner.lockstep.check import Recording, record
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 SCALE = ("expert", "classical")
 ROUTES = named_routes("dev10")[:3]

@@ -20,7 +20,7 @@ from pytest_drive_robust.domain.truth import ActorKind, ActorState, EgoState, La
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.actors import SIZES
 from pytest_drive_robust.simulators.embedded.camera import CameraRig
-from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import ALL_ROUTES, named_routes
 
 ACTORS = 20
 FRAMES = 40

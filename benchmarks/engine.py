@@ -50,7 +50,7 @@ from pytest_drive_robust.runner.inline_executor import InlineExecutor
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.store.events import Event
 from pytest_drive_robust.store.folder import FolderStore
 from pytest_drive_robust.store.record import encode_episode

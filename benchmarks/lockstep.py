@@ -24,7 +24,7 @@ from pytest_drive_robust.runner.lockstep.check import check_lockstep, record
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 CAMERA = CameraSpec("front", width_px=256, height_px=128)
 WIDTHS = (4, 8, 16)

@@ -23,7 +23,7 @@ from pytest_drive_robust.domain.truth import ActorKind, WorldState
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 CAMERA = CameraSpec("front", width_px=256, height_px=128)
 SIX = rig("nuscenes", width_px=160, height_px=96)

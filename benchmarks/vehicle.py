@@ -26,7 +26,7 @@ from fitted_mkz import BRAKE, FITTED_THROTTLE, fitted_speed, fitted_yaw_rate
 from pytest_drive_robust import Control
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 DT_S = 0.05
 SPEEDS = (0.0, 2.0, 5.0, 8.0, 12.0, 18.0, 25.0)

@@ -34,7 +34,7 @@ from pytest_drive_robust.runner.episode.threads import OneThread
 from pytest_drive_robust.runner.replay.recording import Tape, record_episode
 from pytest_drive_robust.runner.scopes import check_severities
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
-from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES
+from pytest_drive_robust.simulators.embedded.route_sets import ALL_ROUTES
 from pytest_drive_robust.simulators.routes import own_routes
 from pytest_drive_robust.verdict.explain import first_divergence
 from pytest_drive_robust.verdict.infraction_words import infraction_words

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.options.run import DEFAULT_ROUTES, DEFAULT_SIMULATOR
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.simulators.base import SimulatorOptions
-from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names, set_summary
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes, set_names, set_summary
 from pytest_drive_robust.simulators.embedded.weathers import weather_name
 from pytest_drive_robust.simulators.routes import default_spec, resolve_routes
 

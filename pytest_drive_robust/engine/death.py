@@ -12,7 +12,7 @@ from pathlib import Path
 from pytest_drive_robust.domain.outcome import End
 from pytest_drive_robust.engine.shared_state import CUT_OFF, StateReading
 from pytest_drive_robust.errors import from_here
-from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
+from pytest_drive_robust.runner.episode.recorded_ticks import RecordedTicks
 
 _FROM_OUTSIDE = frozenset({signal.SIGKILL, signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGQUIT})
 _LINE = re.compile(r'^  File "(?P<file>.+)", line (?P<line>\d+) in (?P<name>.+)$', re.MULTILINE)
@@ -65,7 +65,7 @@ class Explanation:
     blame: Blame
     end: End
     detail: str
-    recorded: RecordedControls | None = None
+    recorded: RecordedTicks | None = None
 
 
 def explain(death: Death) -> Explanation:

@@ -16,7 +16,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
-from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
+from pytest_drive_robust.runner.episode.recorded_ticks import RecordedTicks
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 
@@ -39,7 +39,7 @@ class WorkerRequest:
     identity: str
     width: int | None = None
     shares: bool = False
-    recorded: RecordedControls | None = None
+    recorded: RecordedTicks | None = None
 
     @classmethod
     def of(cls, request: EpisodeRequest, *, width: int | None = None, shares: bool = False) -> WorkerRequest:

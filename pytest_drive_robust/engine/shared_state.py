@@ -23,7 +23,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
 from pytest_drive_robust.domain.truth import WorldState
 from pytest_drive_robust.engine.worker.system import descriptor_identity
-from pytest_drive_robust.runner.episode.stored_controls import RecordedControls
+from pytest_drive_robust.runner.episode.recorded_ticks import RecordedTicks
 from pytest_drive_robust.runner.episode.watch import Watch
 
 CUT_OFF = 71
@@ -150,7 +150,7 @@ class SharedState(Watch):
         phase, tick, since_s, agent_s = first
         return StateReading(Phase(min(phase, Phase.IDLE)), tick, since_s, agent_s)  # the memory may be overwritten
 
-    def recorded(self) -> RecordedControls | None:
+    def recorded(self) -> RecordedTicks | None:
         """Return the recorded controls of the episode; None before its start, or when the worker wrote nonsense."""
         length = _COUNT.unpack_from(self._memory, _RIG_AT)[0]
         start = _RIG_AT + _COUNT.size
@@ -161,7 +161,7 @@ class SharedState(Watch):
             return None
         rows = list(_ROW.iter_unpack(self._memory[_ROWS_AT : _ROWS_AT + self.ticks * _ROW.size]))
         asked = tuple(None if math.isnan(row[0]) else Control(*row[:3]) for row in rows)
-        return RecordedControls(rig, tuple(consumes), bool(privileged), asked, tuple(Control(*row[3:]) for row in rows))
+        return RecordedTicks(rig, tuple(consumes), bool(privileged), asked, tuple(Control(*row[3:]) for row in rows))
 
 
 def shared_file(tick_cap: int) -> int:

@@ -17,7 +17,8 @@ from pytest_drive_robust.engine.worker_process import WorkerProcess
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.runner.driver import DRIVEN_AGAIN
-from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result
+from pytest_drive_robust.runner.episode.bare_result import bare_result
+from pytest_drive_robust.runner.episode.recorded_ticks import RecordedTicks
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.reuse import NO_MEMORY, RAN_OUT, ran_out
 
@@ -118,7 +119,7 @@ class Supervisor:
         detail = found.detail if found.blame is not Blame.OUTSIDE else f"{found.detail}, {DRIVEN_AGAIN + 1} times"
         return replace(result, outcome=outcome, end=found.end, end_detail=detail, wall_s=time.monotonic() - started)
 
-    def _salvaged(self, recorded: RecordedControls | None, request: WorkerRequest) -> EpisodeResult | None:
+    def _salvaged(self, recorded: RecordedTicks | None, request: WorkerRequest) -> EpisodeResult | None:
         """Return the result of the ticks before the agent was lost, scored in another worker; None if that fails."""
         if recorded is None:
             return None

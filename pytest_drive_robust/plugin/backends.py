@@ -23,7 +23,7 @@ from pytest_drive_robust.plugin.process_roles import is_worker
 from pytest_drive_robust.registry.plugins import naming_plugins, plugin_source
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.runner.executor import Executor
-from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.offered import factory_offers_lockstep
 from pytest_drive_robust.runner.scopes import Scopes, simulator_options
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.base import EpisodeStore

@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.agent import Agent
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.as_in_worker import as_in_worker
 from pytest_drive_robust.runner.local_executor import LocalExecutor
-from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.offered import factory_offers_lockstep
 from pytest_drive_robust.simulators.base import SimulatorOptions
 
 

@@ -20,7 +20,7 @@ from pytest_drive_robust.runner.cache_key.identity import identify, identity_of
 from pytest_drive_robust.runner.cache_key.source_files import python_files, source_digest
 from pytest_drive_robust.runner.cache_key.weights import FileStates, states_of_weights
 from pytest_drive_robust.runner.episode.machine import library_versions
-from pytest_drive_robust.runner.lockstep.declared import factory_offers_lockstep
+from pytest_drive_robust.runner.lockstep.offered import factory_offers_lockstep
 from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pytest_drive_robust.errors import UnknownNameError, UsageError
+from pytest_drive_robust.simulators.embedded.route_sets import ALL_ROUTES, named_routes, set_names
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-from pytest_drive_robust.simulators.embedded.routes import ALL_ROUTES, named_routes, set_names
 
 if TYPE_CHECKING:
     from pytest_drive_robust.domain.route import Route

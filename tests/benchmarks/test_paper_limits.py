@@ -13,7 +13,7 @@ from pytest_drive_robust import requirements
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.perturbations.readings import READINGS, DriveReading
 from pytest_drive_robust.runner.planned_order import planned_order
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.stats import gate
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 

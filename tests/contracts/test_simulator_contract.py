@@ -19,7 +19,7 @@ from pytest_drive_robust.domain.route import GlobalPlan, PlanPoint, RoadOption, 
 from pytest_drive_robust.domain.truth import EgoState, GroundTruth, WorldState
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.testing import ContractReport, FakeSimulator, check_simulator
 
 

@@ -31,7 +31,7 @@ from pytest_drive_robust.domain.observation import Image
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 if TYPE_CHECKING:
     from pytest_drive_robust import CameraSpec, GlobalPlan, Observation

@@ -8,7 +8,7 @@ import sys
 DRIVE = """
 import sys
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 world = EmbeddedSimulator()
 world.reset(named_routes("dev10")[0], seed=0, cameras=())

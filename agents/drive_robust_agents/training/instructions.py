@@ -18,7 +18,7 @@ from drive_robust_agents._nets.inference import LoadedNetwork
 from drive_robust_agents._nets.prompts import PHRASES, Instruction, Kind, by_targets, driving, instructed, prompt_row
 from drive_robust_agents._nets.weights import locate
 from drive_robust_agents.simlingo import SimLingo
-from drive_robust_agents.training.collect import check_frames
+from drive_robust_agents.training.data.collection_file import check_frames
 from drive_robust_agents.training.data.draws import draws
 from drive_robust_agents.training.data.facts import FACTS
 from drive_robust_agents.training.data.frames import Frames

@@ -14,7 +14,7 @@ import torch
 
 from drive_robust_agents._nets.blocks import channels_last
 from drive_robust_agents._nets.weights import locate
-from drive_robust_agents.training.collect import check_frames, draws_of
+from drive_robust_agents.training.data.collection_file import check_frames, draws_of
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.loop.feed import Feed
 from drive_robust_agents.training.loop.progress import Display

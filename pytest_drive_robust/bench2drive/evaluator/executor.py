@@ -30,7 +30,7 @@ from pytest_drive_robust.domain.result import EpisodeResult, Injection
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
-from pytest_drive_robust.runner.episode.stored_controls import bare_result
+from pytest_drive_robust.runner.episode.bare_result import bare_result
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes

@@ -18,7 +18,7 @@ from pytest_drive_robust.engine.messages import WorkerRequest
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.runner.episode.stored_controls import bare_result
+from pytest_drive_robust.runner.episode.bare_result import bare_result
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,9 +19,10 @@ from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.runner.cache_key.identity import identity_of
 from pytest_drive_robust.runner.driver import EpisodeDriver, make_agent
+from pytest_drive_robust.runner.episode.bare_result import bare_result
 from pytest_drive_robust.runner.episode.contract import blame
 from pytest_drive_robust.runner.episode.machine import with_machine
-from pytest_drive_robust.runner.episode.stored_controls import RecordedControls, bare_result, drive_again
+from pytest_drive_robust.runner.episode.recorded_ticks import RecordedTicks, drive_again
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import Simulator
 
@@ -98,7 +99,7 @@ class RequestHandler:
                 )
             self._checked.add((agent, request.identity))
 
-    def _salvage(self, request: EpisodeRequest, recorded: RecordedControls) -> EpisodeResult:
+    def _salvage(self, request: EpisodeRequest, recorded: RecordedTicks) -> EpisodeResult:
         self._state.phase("sim", 0)
         world = self._driver.world()
         result = drive_again(world, recorded, request)

@@ -1,25 +1,17 @@
-"""Drives without an agent: repeats the controls of an earlier drive.
+"""An agent that repeats the controls of a stored episode.
 
 An agent's controls may depend on the processor, the world does not. So the trajectory repeats to the last bit on any
-machine, and an episode whose process died gets a score.
+machine.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 
 from pytest_drive_robust.domain.control import Control
-from pytest_drive_robust.domain.episode import Episode
 from pytest_drive_robust.domain.observation import CameraSpec, Observation
-from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
-from pytest_drive_robust.domain.route import GlobalPlan, Route
-from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.runner.episode.loop import USUAL_DT_S, RunningEpisode
-from pytest_drive_robust.runner.plan import EpisodeRequest
-from pytest_drive_robust.simulators.base import Simulator
-from pytest_drive_robust.store.episode_fields import NO_TICKS
+from pytest_drive_robust.domain.route import GlobalPlan
 
 
 class StoredControls:
@@ -62,65 +54,3 @@ class StoredControls:
         if control is None:
             raise IndexError(f"the stored episode ended here{self._told}")
         return control
-
-
-@dataclass(frozen=True, slots=True)
-class RecordedControls:
-    """The known part of an episode whose process ended: the agent's declarations and the controls of driven ticks.
-
-    `asked` holds the agent's answers, None for a tick in which the agent was not asked; `applied` holds the controls
-    that the vehicle got.
-    """
-
-    cameras: tuple[CameraSpec, ...]
-    consumes: tuple[str, ...]
-    privileged: bool
-    asked: tuple[Control | None, ...]
-    applied: tuple[Control, ...]
-
-
-@dataclass
-class _AsApplied(Perturbation):
-    """Repeats recorded ticks: asks the agent in the same ticks, and gives the vehicle the recorded controls."""
-
-    asked: Sequence[Control | None]
-    applied: Sequence[Control]
-
-    def wants_inference(self, tick: int) -> bool:
-        return tick >= len(self.asked) or self.asked[tick] is not None
-
-    def actuate(self, tick: int, control: Control | None, inference_s: float) -> Control:
-        return self.applied[tick]
-
-
-def drive_again(simulator: Simulator, recorded: RecordedControls, request: EpisodeRequest) -> EpisodeResult:
-    """Return the result of the recorded ticks, as if the agent had raised an error after them.
-
-    The perturbations get the same observations and controls as before, so their schedule comes out, too. The world
-    repeats its way even when the wall clock decided what the setting did.
-    """
-    controls = [control for control in recorded.asked if control is not None]
-    agent = StoredControls(controls, cameras=recorded.cameras, consumes=recorded.consumes)
-    as_applied = Setting((*request.setting.perturbations, _AsApplied(recorded.asked, recorded.applied)))
-    running = RunningEpisode(simulator, agent, request.route, as_applied, request.episode.seed)
-    running.drive()
-    return replace(running.result(request.episode), privileged=recorded.privileged)
-
-
-def bare_result(route: Route, episode: Episode, *, outcome: Outcome, end: End, detail: str) -> EpisodeResult:
-    """Return the result of an episode of which only the end is known: no ticks, no scores."""
-    return EpisodeResult(
-        episode=episode,
-        scenario=route.scenario.type,
-        outcome=outcome,
-        end=end,
-        end_detail=detail,
-        route_completion_pct=0.0,
-        route_length_m=0.0,
-        infractions=(),
-        speed_ratios_pct=(),
-        ticks=0,
-        dt_s=USUAL_DT_S,
-        wall_s=0.0,
-        trace=NO_TICKS,
-    )

@@ -19,7 +19,7 @@ from pytest_drive_robust.errors import UnknownNameError, UsageError
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded.bev import draw_bev
 from pytest_drive_robust.simulators.embedded.geometry import seen_from
-from pytest_drive_robust.simulators.embedded.routes import DEFAULT_SET
+from pytest_drive_robust.simulators.embedded.route_sets import DEFAULT_SET
 from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator, EpisodeSnapshot
 from pytest_drive_robust.simulators.embedded.state import DT_S
 from pytest_drive_robust.simulators.routes import resolve_routes

@@ -18,7 +18,7 @@ from pytest_drive_robust.errors import SimulationError
 from pytest_drive_robust.jit.kernels import require_compiling
 from pytest_drive_robust.simulators.base import EpisodeScore, SimulatorOptions
 from pytest_drive_robust.simulators.embedded import state as c
-from pytest_drive_robust.simulators.embedded.routes import is_shipped
+from pytest_drive_robust.simulators.embedded.route_sets import is_shipped
 from pytest_drive_robust.simulators.embedded.scoring import ENDS, score_of
 from pytest_drive_robust.simulators.embedded.sensors import Sensors
 from pytest_drive_robust.simulators.embedded.state import DT_S, State

@@ -17,7 +17,7 @@ from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 STRAIGHT = tuple((float(x), 0.0) for x in range(60))
 BEND = (*STRAIGHT[:20], *((19.0 + 8.0 * math.sin(a / 8.0), 8.0 - 8.0 * math.cos(a / 8.0)) for a in range(1, 13)))

@@ -17,7 +17,7 @@ from pytest_drive_robust.perturbations import Setting
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 
 def _observation(image: NDArray[np.uint8], *, tick: int = 0, speed_mps: float = 0.0, x_m: float = 0.0) -> Observation:

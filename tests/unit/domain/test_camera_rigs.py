@@ -73,7 +73,7 @@ def test_impossible_cameras_are_refused(wrong: dict[str, float]) -> None:
 
 
 def test_the_embedded_world_draws_every_rig() -> None:
-    from pytest_drive_robust.simulators.embedded.routes import named_routes
+    from pytest_drive_robust.simulators.embedded.route_sets import named_routes
     from pytest_drive_robust.simulators.embedded.simulator import EmbeddedSimulator
 
     simulator = EmbeddedSimulator()

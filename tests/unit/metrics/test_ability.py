@@ -11,7 +11,7 @@ from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.ability import ABILITIES, abilities, mean_ability, signs_between
 from pytest_drive_robust.metrics.summary import summarize
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 
 def test_the_lists_have_the_sizes_of_the_official_tool() -> None:

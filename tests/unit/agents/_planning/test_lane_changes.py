@@ -9,7 +9,7 @@ import pytest
 
 from drive_robust_agents._planning.lane_changes import LaneChanges
 from drive_robust_agents._planning.static_scene import StaticScene
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 
 

@@ -14,12 +14,11 @@ from drive_robust_agents._nets.manifest import WeightsEntry, write_entry
 from drive_robust_agents.expert import Expert
 from drive_robust_agents.training import collect as collect_module
 from drive_robust_agents.training.__main__ import main
-from drive_robust_agents.training.collect import (
-    Collection,
-    check_frames,
-    collect,
-    draws_of,
-)
+from drive_robust_agents.training.collect import collect
+from drive_robust_agents.training.data import collection as collection_module
+from drive_robust_agents.training.data import collection_file
+from drive_robust_agents.training.data.collection import Collection
+from drive_robust_agents.training.data.collection_file import check_frames, draws_of
 from drive_robust_agents.training.data.expert_episode import Teacher
 from drive_robust_agents.training.data.frames import Frames
 from drive_robust_agents.training.data.pool import written
@@ -192,7 +191,7 @@ def test_a_folder_with_other_data_is_refused(tmp_path: Path, monkeypatch: pytest
 
 def test_other_weights_under_the_same_path_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_write(monkeypatch)
-    monkeypatch.setattr(collect_module, "agent_of", lambda _: None)  # what these weights hold is no network
+    monkeypatch.setattr(collection_module, "agent_of", lambda _: None)  # what these weights hold is no network
     file, out = tmp_path / "weights" / "tcp.safetensors", tmp_path / "frames"
     file.parent.mkdir()
 
@@ -245,7 +244,7 @@ DAMAGED = [
 
 
 def test_every_field_of_a_collection_is_looked_at_where_its_file_is_read() -> None:
-    assert {field.name for field in fields(Collection)} <= collect_module._SHAPE["properties"].keys()
+    assert {field.name for field in fields(Collection)} <= collection_file._SHAPE["properties"].keys()
 
 
 @pytest.mark.parametrize(("content", "wrong"), DAMAGED, ids=[wrong for _, wrong in DAMAGED])

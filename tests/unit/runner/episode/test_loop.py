@@ -18,7 +18,7 @@ from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.episode.watch import Watch
 from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.store.record import decode_episode, encode_episode
 from pytest_drive_robust.testing import FakeSimulator, RecordingAgent, ScriptedAgent, fake_route
 

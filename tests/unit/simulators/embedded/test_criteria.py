@@ -22,7 +22,7 @@ from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.geometry import place
 from pytest_drive_robust.simulators.embedded.kernels.lane_keeping import nearest_lane
 from pytest_drive_robust.simulators.embedded.kernels.world_arrays import WorldArrays
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 
 BY_TYPE = {route.scenario.type: route for route in reversed(named_routes("full"))}

@@ -17,7 +17,7 @@ from pytest_drive_robust.errors import SimulationError, UnknownNameError, UsageE
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.environment import WorldEnv
 from pytest_drive_robust.simulators.embedded.geometry import place
-from pytest_drive_robust.simulators.embedded.routes import DEFAULT_SET, named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import DEFAULT_SET, named_routes
 
 CAMERAS = (
     CameraSpec("front", width_px=64, height_px=36),

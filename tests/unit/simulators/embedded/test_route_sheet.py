@@ -10,8 +10,8 @@ from pytest_drive_robust.domain.observation import CameraSpec
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.route_scene import telling_moment
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.simulators.embedded.route_sheet import TILES_PER_SHEET, draw_tile, lay_sheets
-from pytest_drive_robust.simulators.embedded.routes import named_routes
 
 ROUTES = {route.scenario.type: route for route in named_routes("one-per-scenario")}
 

@@ -18,7 +18,7 @@ from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.contacts import overlap
 from pytest_drive_robust.simulators.embedded.kernels.drivers import idm as idm_kernel
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 
 ROUTES = named_routes("full")

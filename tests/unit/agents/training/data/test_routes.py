@@ -18,7 +18,7 @@ from drive_robust_agents.training.data.routes import (
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.simulators.embedded.generate import TOWNS_PER_SEED
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 
 
 def town_number(route: Route) -> int:

@@ -15,7 +15,7 @@ from pytest_drive_robust.domain.control import Control
 from pytest_drive_robust.jit.kernels import uncached_entry
 from pytest_drive_robust.simulators.embedded import state as c
 from pytest_drive_robust.simulators.embedded.kernels.mkz import MKZ_STEER_MAX_RAD, mkz_speed, mkz_turn
-from pytest_drive_robust.simulators.embedded.routes import named_routes
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes
 from pytest_drive_robust.simulators.embedded.world import World
 
 DT_S = 0.05

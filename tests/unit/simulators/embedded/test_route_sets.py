@@ -19,8 +19,8 @@ from pytest_drive_robust.simulators.base import SimulatorOptions
 from pytest_drive_robust.simulators.embedded import EmbeddedSimulator
 from pytest_drive_robust.simulators.embedded.dense_route import lay_route
 from pytest_drive_robust.simulators.embedded.generate import draw_routes, main
+from pytest_drive_robust.simulators.embedded.route_sets import named_routes, set_names
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes, save_routes
-from pytest_drive_robust.simulators.embedded.routes import named_routes, set_names
 from pytest_drive_robust.simulators.embedded.traced.schema import READERS, SCHEMA
 from pytest_drive_robust.simulators.embedded.world import World
 
