@@ -46,6 +46,8 @@ _BLOCK = re.compile(
 _COMMENT = re.compile(r"<!-- (?P<words>[^\n]*?) -->\s*\Z")
 _RULE = re.compile(r"([=_])\1{3,}")
 _NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_MINUTES = re.compile(r"(?<=\ds) \(\d+:\d\d:\d\d\)")
+"""What pytest adds to the seconds of a run from a minute on, as a loaded machine takes."""
 _PARSERS: dict[str, Callable[[str], object]] = {
     "toml": tomllib.loads,
     "yaml": yaml.safe_load,
@@ -168,5 +170,5 @@ def _require_shown(shown: str, printed: str, *, numbers: bool) -> None:
 
 
 def _plain(line: str, *, numbers: bool) -> str:
-    words = " ".join(_RULE.sub(r"\1\1\1", line).split())  # a rule is as long as the terminal is wide
+    words = _MINUTES.sub("", " ".join(_RULE.sub(r"\1\1\1", line).split()))  # a rule is as long as the terminal is wide
     return words if numbers else _NUMBER.sub("0", words)
