@@ -53,7 +53,7 @@ driveRobust.charts = (() => {
 
   /* Draw how the value and its interval changed with every route that was read. */
   function growth(item) {
-    const [width, height, margin] = [640, 300, { left: 84, right: 16, top: 14, bottom: 44 }];
+    const [width, height, margin] = [640, 300, { left: 84, right: 118, top: 14, bottom: 44 }];
     const points = item.growth.filter((point) => point[1] !== null);
     if (!points.length) return null;
     const all = points.flatMap((point) => point.slice(1)).concat([item.limit, item.lenient]);
@@ -92,10 +92,10 @@ driveRobust.charts = (() => {
       svg.append(h("circle", { class: "point", cx: x(point[0]), cy: y(point[1]), r: points.length > 60 ? 2 : 3.5 },
         h("title", {}, `after ${counted(point[0], "route")}: ${shown(point[1])}${point[2] === null && point[3] === null ? "" : `, ${between(item.metric, point[2], point[3])}`}`)));
     }
-    // last, so that no curve crosses the words
-    const note = (value, below, words, strong) => svg.append(h("text", { class: `note${strong ? " strong" : ""}`, x: width - margin.right, y: y(value) + (below && y(value) + 20 < height - margin.bottom ? 15 : -5), "text-anchor": "end" }, words));
-    if (shownLenient) note(item.lenient, item.comparison !== "<=", "limit and margin");
-    note(item.limit, item.comparison === "<=", `limit ${shownLimit(item.metric, item.limit)}`, true);
+    // beside the plot, where no curve crosses the words, and a line of words apart
+    const note = (at, words, strong) => svg.append(h("text", { class: `note${strong ? " strong" : ""}`, x: width - margin.right + 6, y: at + 4 }, words));
+    note(y(item.limit), `limit ${shownLimit(item.metric, item.limit)}`, true);
+    if (shownLenient) note(item.comparison === "<=" ? Math.min(y(item.lenient), y(item.limit) - 20) : Math.max(y(item.lenient), y(item.limit) + 20), "with margin");
     return svg;
   }
 

@@ -3,6 +3,7 @@
 driveRobust.Strips = (() => {
   const { h, seconds } = driveRobust;
   const AXIS = 16;
+  const NAME = 16;
   const ROWS = [["speed", 0.46], ["throttle", 0.18], ["brake", 0.18], ["steer", 0.18]];
 
   class Strips {
@@ -45,12 +46,22 @@ driveRobust.Strips = (() => {
       context.setTransform(ratio, 0, 0, ratio, 0, 0);
       context.clearRect(0, 0, width, height + AXIS);
       context.font = "11px system-ui, sans-serif";
-      const area = { context, colours, width, height, x: (tick) => (tick / this.length) * width };
+      const area = { context, colours, width, height, rows: [...this.rows(height)], x: (tick) => (tick / this.length) * width };
       this.drawSpans(area);
       this.drawMotion(area);
       this.drawSeconds(area);
       this.drawEvents(area);
       this.drawNames(area);
+    }
+
+    /* Yield each strip with its top and its height, below a line for its name. */
+    *rows(height) {
+      let top = 0;
+      for (const [name, share] of ROWS) {
+        const high = (height - ROWS.length * NAME) * share;
+        yield { name, top: top + NAME, high };
+        top += NAME + high;
+      }
     }
 
     /* Shade where the perturbation is at work. */
@@ -61,13 +72,11 @@ driveRobust.Strips = (() => {
       context.globalAlpha = 1;
     }
 
-    drawMotion({ context, colours, width, height, x }) {
-      let top = 0;
-      for (const [name, share] of ROWS) {
-        const high = height * share;
+    drawMotion({ context, colours, width, rows, x }) {
+      for (const { name, top, high } of rows) {
         context.strokeStyle = colours.rule;
         context.lineWidth = 1;
-        context.strokeRect(0.5, top + 0.5, width - 1, high - 1);
+        context.strokeRect(0.5, Math.round(top) + 0.5, width - 1, Math.round(high) - 1);
         if (name === "steer") context.strokeRect(0.5, Math.round(top + high / 2) + 0.5, width - 1, 0);
         for (const pane of this.panes.filter(({ controls }) => controls || name === "speed")) {
           const { motion } = pane.scene;
@@ -80,7 +89,6 @@ driveRobust.Strips = (() => {
           }
           context.stroke();
         }
-        top += high;
       }
     }
 
@@ -119,21 +127,17 @@ driveRobust.Strips = (() => {
       }
     }
 
-    /* The names stand at the right end, above all lines: what went wrong is mostly at the left, before a car stands still. */
-    drawNames({ context, colours, width, height }) {
-      context.textAlign = "right";
+    /* The name of each strip, above it, and over the lines of the events. */
+    drawNames({ context, colours, rows }) {
       context.lineWidth = 4;
       context.lineJoin = "round";
       context.strokeStyle = colours.page;
       context.fillStyle = colours.faint;
-      let top = 0;
-      for (const [name, share] of ROWS) {
+      for (const { name, top } of rows) {
         const words = { speed: `speed, 0 to ${Math.round(this.fastest * 3.6)} km/h`, steer: "steer, left is up" }[name] || `${name}, 0 to 1`;
-        context.strokeText(words, width - 8, top + 13);
-        context.fillText(words, width - 8, top + 13);
-        top += height * share;
+        context.strokeText(words, 4, top - 4);
+        context.fillText(words, 4, top - 4);
       }
-      context.textAlign = "left";
     }
   }
 
