@@ -8,6 +8,7 @@ from typing import Any
 
 from pytest_drive_robust.cli.tables import LEFT, RIGHT, print_table
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.regression.clock import minute_text
 from pytest_drive_robust.regression.document import read_document
 from pytest_drive_robust.regression.references import StoredRuns, project_home
 
@@ -40,6 +41,6 @@ def _list(options: argparse.Namespace) -> int:
 def _row(name: str, document: Mapping[str, Any]) -> tuple[str, ...]:
     stored, rows = document.get("stored") or {}, document["summaries"]
     agents, settings = dict.fromkeys(row["agent"] for row in rows), {row["setting"] for row in rows}
-    date = str(stored.get("date") or "").partition("+")[0]
+    date = minute_text(str(stored.get("date") or ""))
     counts = str(len(settings)), str(len(document["episodes"]))
     return name, date, str(stored.get("commit") or ""), ", ".join(agents), *counts

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import fmean
 
+from pytest_drive_robust.regression.clock import minute_text
 from pytest_drive_robust.regression.fingerprint import Fingerprint
 
 CellKey = tuple[str, str]
@@ -103,8 +104,8 @@ class Snapshot:
 
     @property
     def made(self) -> str:
-        """The date and the commit, joined by a comma."""
-        return ", ".join(text for text in (self.date, self.commit) if text)
+        """When and from which commit the run was stored, as far as that is known: `"2026-11-30 00:03 UTC, 1a2b3c4"`."""
+        return ", ".join(text for text in (minute_text(self.date), self.commit) if text)
 
     @property
     def simulator(self) -> str | None:

@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.score import driving_score
+from pytest_drive_robust.verdict.infraction_words import hit_words
 
 _DISTANCE_M = 0.5
 _SPEED_MPS = 1.0
@@ -137,7 +138,7 @@ def _furthest(results: Sequence[EpisodeResult], excess: Callable[[EpisodeResult]
 def describe_outcome(result: EpisodeResult) -> str:
     """Return how the episode ended and its first infraction, with their seconds as far as they are known.
 
-    `"completed, red light at 8.2 s"`, `"collision with vehicle at 11.3 s and 1 more, blocked at 61.0 s"`.
+    `"completed, red light at 8.2 s"`, `"hit van (30 km/h) at 11.3 s and 1 more, blocked at 61.0 s"`.
     """
     events = sorted((event for event in result.infractions if event.kind in _EVENTS), key=lambda event: event.tick)
     first = _first(events, result.dt_s)
@@ -222,4 +223,4 @@ def _first(events: list[Infraction], dt_s: float) -> str:
     more = f" and {len(events) - 1} more" if len(events) > 1 else ""
     second = infraction_s(event, dt_s)
     when = "" if share or second is None else f" at {seconds_text(second)}"
-    return f"{_EVENTS[event.kind]}{share}{when}{more}"
+    return f"{hit_words(event.detail) or _EVENTS[event.kind]}{share}{when}{more}"

@@ -20,6 +20,16 @@ def infraction_words(detail: str) -> str:
     return _SPEED.sub(lambda found: _kmh(float(found[1])), detail)
 
 
+def hit_words(detail: str) -> str:
+    """Return what a collision hit, short enough for a second behind it; empty for any other `detail`.
+
+    >>> hit_words("hit van at 9.3 m/s"), hit_words("Agent collided against object")
+    ('hit van (33 km/h)', '')
+    """
+    what, at, speed = infraction_words(detail).rpartition(" at ")
+    return f"{what} ({speed})" if at and what.startswith("hit ") else ""
+
+
 def _kmh(speed_mps: float) -> str:
     speed_kmh = 3.6 * speed_mps
     return f"{speed_kmh:.1f} km/h" if speed_kmh < 1.0 else f"{speed_kmh:.0f} km/h"

@@ -55,7 +55,7 @@ def test_a_flip_of_an_agent_with_a_new_name_opens_both_at_the_moment_of_the_fail
 def test_a_flip_says_what_was_hit_and_how_fast_and_when_the_run_before_was_stored(opened, tmp_path):
     ids = [route.id for route in resolve_routes("one-per-scenario")]
     hit = Infraction(InfractionKind.COLLISION_VEHICLE, 40, "hit van at 6.4 m/s")
-    told = "completed, collision with vehicle at 2.0 s (hit van at 23 km/h)"
+    told = "completed, hit van (23 km/h) at 2.0 s"
     runs = [clean_run(*(make_result(name, infractions=found) for name in ids)) for found in ([], [hit])]
     stored = {"name": "main", "date": "2026-11-30T01:03:50+01:00", "commit": "1a2b3c4"}
     documents = [{**run.document, "stored": stored} for run in runs]

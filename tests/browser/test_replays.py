@@ -143,7 +143,7 @@ def test_what_was_hit_and_when_the_two_diverged_stand_where_they_are_read_first(
     late = make_result("101", setting=LATENCY, infractions=[hit], trace=trace_of(60, speed_mps=3.0))
     report = opened(report_of(tmp_path, clean, late))
     page = report.go("#/episodes?q=van")
-    told = "completed, collision with vehicle at 2.0 s (hit van at 23 km/h)"
+    told = "completed, hit van (23 km/h) at 2.0 s"
     assert page.locator("table.episodes .story").all_inner_texts() == [told]
     report.follow(page.locator("table.episodes th a"))
     diverged = "diverged from its clean twin at 0.1 s in speed"

@@ -19,7 +19,7 @@ def comparison_data(comparison: Comparison) -> dict[str, Any]:
     refused = bool(comparison.refusals)
     return {
         "before": comparison.before.label,
-        "beforeStored": {"date": comparison.before.date, "commit": comparison.before.commit},
+        "beforeStored": comparison.before.made,
         "after": comparison.after.label,
         "conclusion": conclusion(comparison),
         "regressed": comparison.regressed,

@@ -8,6 +8,7 @@ from typing import Any
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
+from pytest_drive_robust.regression.clock import minute_text
 from pytest_drive_robust.regression.comparison_result import Comparison
 from pytest_drive_robust.report.failures.clusters import clusters_of
 from pytest_drive_robust.report.failures.road import Road
@@ -39,7 +40,7 @@ def run_data(
     return {
         "label": records.label,
         "endedEarly": document.get("ended_early", False),
-        "stored": document.get("stored") or {},
+        "stored": _stored(document),
         "options": document["settings"],
         "versions": document.get("versions", {}),
         "agents": document.get("fingerprint", {}).get("agents", {}),
@@ -124,6 +125,12 @@ def _clusters(records: RunRecords, table: EpisodeTable, maps: RoadMaps) -> list[
         {"name": item.name, "sentence": item.sentence, "episodes": item.episodes, "example": item.example}
         for item in clusters_of(numbered, road_of)
     ]
+
+
+def _stored(document: Mapping[str, Any]) -> str:
+    """Return when and from which commit the run was stored; empty for a run that is not stored."""
+    stored = document.get("stored") or {}
+    return ", ".join(filter(None, (minute_text(str(stored.get("date") or "")), stored.get("commit"))))
 
 
 def _missing(records: RunRecords) -> list[str]:

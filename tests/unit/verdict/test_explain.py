@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -44,6 +45,17 @@ def test_the_first_infraction_is_the_earliest_and_the_others_are_counted() -> No
     )
 
     assert describe_outcome(result) == "collision with vehicle at 11.3 s and 1 more, blocked at 61.0 s"
+
+
+def test_a_collision_says_what_was_hit_and_how_fast() -> None:
+    van = replace(infraction(InfractionKind.COLLISION_VEHICLE, second=11.3), detail="hit van at 9.3 m/s")
+    found = make_result(end=End.BLOCKED, trace=trace_of(1220), infractions=[van])
+
+    assert describe_outcome(found) == "hit van (33 km/h) at 11.3 s, blocked at 61.0 s"
+    official = replace(van, detail="Agent collided against object with type=vehicle.tesla.model3 at (x=1)")
+    found = make_result(end=End.BLOCKED, trace=trace_of(1220), infractions=[official])
+
+    assert describe_outcome(found) == "collision with vehicle at 11.3 s, blocked at 61.0 s"
 
 
 def test_an_infraction_of_which_nobody_told_when_has_no_second() -> None:

@@ -13,16 +13,15 @@ driveRobust.episodes = (() => {
     const places = new Map(run.routes.map((route, number) => [route.id, number]));
     rows = columns.run.map((of, number) => {
       const route = word(columns.route[number]);
-      const events = columns.events[number].map(([kind, second, detail, x, y]) => ({ kind: word(kind), second, detail: word(detail), x, y }));
       return {
         number, run: of, route, routeNumber: places.get(route), place: run.routes[places.get(route)],
         agent: word(columns.agent[number]), setting: word(columns.setting[number]), seed: columns.seed[number],
-        outcome: word(columns.outcome[number]), end: untimed(word(columns.end[number])), story: withHit(word(columns.story[number]), events),
+        outcome: word(columns.outcome[number]), end: untimed(word(columns.end[number])), story: word(columns.story[number]),
         ds: columns.ds[number], success: columns.success[number] === 1, scored: columns.ds[number] !== null,
         completion: columns.completion[number], efficiency: columns.efficiency[number], comfort: columns.comfort[number],
         seconds: columns.seconds[number], dt: columns.dt[number], clean: columns.clean[number] === 1, wall: columns.wall[number], twin: columns.twin[number],
         parted: columns.parted[number], partedBy: word(columns.partedBy[number]),
-        events,
+        events: columns.events[number].map(([kind, second, detail, x, y]) => ({ kind: word(kind), second, detail: word(detail), x, y })),
         spans: columns.spans[number].map(([signal, first, last]) => ({ signal: word(signal), first, last })),
         trace: columns.trace[number], key: columns.key[number], cluster: -1,
       };
@@ -34,12 +33,6 @@ driveRobust.episodes = (() => {
   /* Return how an episode ended without its second: every view shows the second beside these words, rounded as all others are. */
   function untimed(end) {
     return end.replace(/^(reached the end|left the route) at \d+\.\d s$/, "$1");
-  }
-
-  /* Return a sentence of the terminal (verdict/explain.py) with what its collision hit, and how fast, behind the second. */
-  function withHit(story, events) {
-    const hit = events.find((event) => event.second !== null && event.detail.startsWith("hit "));
-    return hit ? story.replace(new RegExp(`collision with \\w+ at ${driveRobust.seconds(hit.second)}`), (words) => `${words} (${hit.detail})`) : story;
   }
 
   function own() {

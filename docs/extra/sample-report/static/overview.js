@@ -13,7 +13,7 @@ driveRobust.requirementLabel = (item) => {
 driveRobust.verdictOrder = ["fail", "error", "inconclusive", "pass"];
 
 driveRobust.views.set("", (() => {
-  const { h, link, fixed, shown, shownBeside, between, duration, made, counted, breakable, badge, scroller } = driveRobust;
+  const { h, link, fixed, shown, shownBeside, between, duration, counted, breakable, badge, scroller } = driveRobust;
   const ALL = ["DS", "SR", "RD", "comfort", "efficiency"];
 
   function render(parts, query) {
@@ -160,7 +160,7 @@ driveRobust.views.set("", (() => {
   function facts(run) {
     const options = run.options;
     const rows = [
-      ["run", [run.label, made(run.stored)].filter(Boolean).join(", ")],
+      ["run", [run.label, run.stored].filter(Boolean).join(", ")],
       ["simulator", options.simulator], ["routes", options.routes], ["seeds", options.seeds.join(", ")],
       ["reading", options.reading ?? "paper"], ["metrics", options.metrics], ["verdicts", `${options.verdict}, margin ${options.margin}, alpha ${options.alpha}${options.correction === "none" ? "" : `, ${options.correction}`}`],
       ["stopped when standing", options.stuck_stop_s ? `${options.stuck_stop_s} s` : "no"],

@@ -115,11 +115,6 @@ const driveRobust = (() => {
     if (value < 120) return `${Math.round(value)} s`;
     return value < 7200 ? `${Math.round(value / 60)} min` : `${fixed(value / 3600, 1)} h`;
   }
-  /* Return when and from which commit a run was stored, as far as it is known: "2026-11-30 00:03 UTC, 1a2b3c4". */
-  function made({ date, commit }) {
-    const when = date && !Number.isNaN(Date.parse(date)) ? new Date(date).toISOString().replace("T", " ").replace(/:[^:]*$/, " UTC") : date;
-    return [when, commit].filter(Boolean).join(", ");
-  }
   function counted(count, word) {
     return `${count} ${word}${count === 1 ? "" : "s"}`;
   }
@@ -151,7 +146,7 @@ const driveRobust = (() => {
   }
 
   return {
-    give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, made, counted, breakable, badge,
+    give, load, given, views, h, link, place, keep, fixed, shown, shownBeside, shownLimit, signed, between, seconds, duration, counted, breakable, badge,
     tell, scroller,
   };
 })();

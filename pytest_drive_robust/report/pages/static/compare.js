@@ -1,14 +1,13 @@
 "use strict";
 /* The view of two runs: the metrics that got worse, by how much, and the routes that flipped. */
 driveRobust.views.set("compare", (() => {
-  const { h, fixed, signed, shown, made, badge, counted, scroller } = driveRobust;
+  const { h, fixed, signed, shown, badge, counted, scroller } = driveRobust;
   /* The heading of a conclusion that is not good, by the words that the conclusion begins with. */
   const HEADS = { "NOT COMPARED": "Not compared", "NOT JUDGED": "Not judged", INCONCLUSIVE: "Inconclusive", REGRESSION: "It got worse" };
 
   function render() {
     const { comparison } = driveRobust.given.get("run");
     if (!comparison) return { title: "Compare", nodes: [h("h1", {}, "Nothing to compare with"), h("p", {}, "Write the report with ", h("code", {}, "--against BASE"), ".")] };
-    const stored = made(comparison.beforeStored);
     const worst = [...comparison.settings].sort((one, other) => (one.dsChange ? one.dsChange[0] : 0) - (other.dsChange ? other.dsChange[0] : 0));
     const flips = worst.flatMap((cell) => cell.flips.map((flip) => ({ ...flip, cell })));
     return {
@@ -16,7 +15,7 @@ driveRobust.views.set("compare", (() => {
       nodes: [
         h("h1", {}, headline(comparison.conclusion)),
         h("p", { class: "lead" }, comparison.conclusion),
-        h("p", { class: "soft" }, `before: ${comparison.before}${stored ? ` (${stored})` : ""}; now: ${comparison.after}`),
+        h("p", { class: "soft" }, `before: ${comparison.before}${comparison.beforeStored ? ` (${comparison.beforeStored})` : ""}; now: ${comparison.after}`),
         comparison.settings.length ? h("section", {}, h("h2", {}, "Settings, the worst change first"), table(worst)) : null,
         means(comparison),
         list("Newly going wrong", flips.filter((flip) => flip.fails)),
