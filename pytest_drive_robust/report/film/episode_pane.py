@@ -14,7 +14,7 @@ from pytest_drive_robust.jit.arrays import Pixels
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.story import StoryEvent
-from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above
+from pytest_drive_robust.report.film.top_view import GroundPicture, draw_from_above, misplaced_m
 from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.runner.replay.recording import Tape, TapedMoment, main_camera
 
@@ -44,9 +44,17 @@ class EpisodePane:
         last = len(self.tape.moments) - 1
         at = min(position, last)
         moment = self.tape.moments[at]
-        marks = [event.place for event in self.events if event.tick <= position and event.place is not None]
-        view = c.Rectangle(self.left + 408, 66, 224, 394)
-        draw_from_above(picture, view, self.ground, moment, colour=self.colour, twin=twin, marks=marks)
+        places = [(event.tick <= position, event.place) for event in self.events if event.place is not None]
+        draw_from_above(
+            picture,
+            c.Rectangle(self.left + 408, 66, 224, 394),
+            self.ground,
+            moment,
+            colour=self.colour,
+            twin=twin,
+            marks=[place for is_past, place in places if is_past],
+            ahead=[place for is_past, place in places if not is_past],
+        )
         self._head(picture)
         self._camera(picture, at, moment)
         self._numbers(picture, moment)
@@ -98,11 +106,9 @@ class EpisodePane:
         speed = f"{moment.state.ego.speed_mps * 3.6:.0f}"
         c.text(picture, speed, (x + 54, y + 37), size=1.2, bold=True, align="right")
         c.text(picture, "km/h", (x + 60, y + 37), size=0.5, colour=c.DIM)
-        given = moment.speed_mps
-        if given is not None and abs(given - moment.state.ego.speed_mps) > 0.3:
-            c.text(picture, f"told {given * 3.6:.0f} km/h", (x + 4, y + 56), size=0.45, colour=c.WRONG, within=104)
-        _pedals(picture, c.Rectangle(x + 114, y + 8, 278, 20), "agent asks", moment.asked)
-        _pedals(picture, c.Rectangle(x + 114, y + 34, 278, 20), "car gets", moment.applied)
+        _pedals(picture, c.Rectangle(x + 114, y + 3, 278, 20), "agent asks", moment.asked)
+        _pedals(picture, c.Rectangle(x + 114, y + 26, 278, 20), "car gets", moment.applied)
+        c.text(picture, _told(moment), (x + 4, y + 59), size=0.5, bold=True, colour=c.WRONG, within=388)
 
     def _captions(self, picture: Pixels, position: int, at: int) -> None:
         """Write the newest infraction and the end of the episode, and show the undisturbed camera picture."""
@@ -159,6 +165,17 @@ def _pedals(picture: Pixels, box: c.Rectangle, name: str, control: Control | Non
     if control is not None:
         needle = middle + round(control.steer * (steer.width / 2 - 3))
         cv2.line(picture, (needle, steer.y + 2), (needle, steer.bottom - 3), c.INK, 3)
+
+
+def _told(moment: TapedMoment) -> str:
+    """Return what the agent is told wrongly: the speed from 0.3 m/s on, the location from 0.3 m on."""
+    given_mps, off_m = moment.speed_mps, misplaced_m(moment)
+    words = []
+    if given_mps is not None and abs(given_mps - moment.state.ego.speed_mps) > 0.3:
+        words.append(f"told {given_mps * 3.6:.0f} km/h")
+    if off_m:
+        words.append(f"GPS off by {off_m:.0f} m")
+    return ", ".join(words)
 
 
 def _fit(picture: Pixels, pixels: Pixels, box: c.Rectangle) -> None:

@@ -13,7 +13,7 @@ from pytest_drive_robust.report.film import canvas as c
 from pytest_drive_robust.report.film.episode_pane import EpisodePane
 from pytest_drive_robust.report.film.story import story_of
 from pytest_drive_robust.report.film.strips import Strips
-from pytest_drive_robust.report.film.top_view import PATH, ROUTE, SPEED_POINT, TARGET_POINT, GroundPicture, is_misplaced
+from pytest_drive_robust.report.film.top_view import PATH, ROUTE, SPEED_POINT, TARGET_POINT, GroundPicture, misplaced_m
 from pytest_drive_robust.runner.replay.recording import Tape
 
 _BANNER_S = 1.5
@@ -111,7 +111,7 @@ def _backdrop(tapes: tuple[Tape, ...]) -> Pixels:
         ("target points", TARGET_POINT, any(plan.target_points for plan in plans)),
         ("speed points", SPEED_POINT, any(plan.speed_points for plan in plans)),
         ("clean twin", c.CLEAN, len(tapes) == 2),
-        ("told place", c.INK, any(is_misplaced(moment) for tape in tapes for moment in tape.moments)),
+        ("told place", c.INK, any(misplaced_m(moment) for tape in tapes for moment in tape.moments)),
     ]
     x = c.WIDTH - 10
     for words, colour, there in reversed(entries):

@@ -33,12 +33,13 @@ _BITS = 4
 _VEHICLE: Colour = (222, 222, 226)
 
 
-def is_misplaced(moment: TapedMoment) -> bool:
-    """Return True when the agent was given a location more than 0.3 m away from the ego."""
+def misplaced_m(moment: TapedMoment) -> float:
+    """Return how far from the ego the location is that the agent was given, in metres; 0 up to 0.3 m."""
     if moment.gps is None:
-        return False
+        return 0.0
     ego = moment.state.ego
-    return math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m) > _MISPLACED_M
+    off_m = math.hypot(moment.gps[0] - ego.x_m, moment.gps[1] - ego.y_m)
+    return off_m if off_m > _MISPLACED_M else 0.0
 
 
 class GroundPicture:
@@ -64,10 +65,11 @@ def draw_from_above(
     colour: Colour,
     twin: EgoState | None,
     marks: Sequence[tuple[float, float]],
+    ahead: Sequence[tuple[float, float]],
 ) -> None:
     """Draw a moment into the box: the ego in `colour`, its clean `twin` as an outline, a ring around each of `marks`.
 
-    `marks` are places of infractions in metres.
+    `marks` are places of infractions in metres; those that are still to come, `ahead`, have a broken ring.
     """
     ego = moment.state.ego
     turn = _turn(box, ego)
@@ -77,10 +79,12 @@ def draw_from_above(
     sketch.vehicle(footprint(ego), colour)
     if twin is not None:
         sketch.line(rectangle(*footprint(twin)), CLEAN, 2, closed=True)
-    if moment.gps is not None and is_misplaced(moment):
+    if moment.gps is not None and misplaced_m(moment):
         _cross(sketch, moment.gps)
     if moment.plan is not None:
         _plan(sketch, moment.plan)
+    for mark in ahead:
+        _broken_ring(sketch, mark)
     for mark in marks:
         for thickness, shown in ((8, OUTLINE), (4, WRONG)):
             sketch.disc(mark, 20, shown, thickness)
@@ -110,6 +114,15 @@ def _plan(sketch: Sketch, plan: PlannedPath) -> None:
     for points, colour, radius in ((plan.speed_points, SPEED_POINT, 3), (plan.target_points, TARGET_POINT, 5)):
         for point in points:
             sketch.disc(point, radius, colour)
+
+
+def _broken_ring(sketch: Sketch, place: tuple[float, float]) -> None:
+    radius = (20 << _BITS, 20 << _BITS)
+    for thickness, paint in ((5, OUTLINE), (2, WRONG)):
+        for angle in range(0, 360, 45):
+            cv2.ellipse(
+                sketch.pixels, sketch.point(place), radius, 0, angle, angle + 25, paint, thickness, cv2.LINE_AA, _BITS
+            )
 
 
 def _cross(sketch: Sketch, place: tuple[float, float]) -> None:

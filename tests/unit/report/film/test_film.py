@@ -134,9 +134,9 @@ def test_an_infraction_is_told_from_its_tick_on(film: Film) -> None:
     assert 0 < count(later, captions, WRONG) < 500
 
 
-def test_an_infraction_is_ringed_from_its_tick_on(film: Film) -> None:
-    assert count(film.picture(59), RIGHT_VIEW, WRONG) == 0
-    assert count(film.picture(60), RIGHT_VIEW, WRONG) > 200
+def test_an_infraction_has_a_broken_ring_before_its_tick_and_a_whole_one_from_then_on(film: Film) -> None:
+    broken, whole = (count(film.picture(position), RIGHT_VIEW, WRONG) for position in (59, 60))
+    assert 50 < broken < 0.7 * whole
     assert count(film.picture(60), LEFT_VIEW, WRONG) == 0
 
 
@@ -184,6 +184,14 @@ def test_a_wrong_gps_is_crossed_where_the_agent_believes_to_be() -> None:
     view = Rectangle(728, 66, 224, 394)
     place = np.argwhere((view.of(told) != view.of(right)).any(axis=2)).mean(axis=0)
     assert place == pytest.approx((394 * 0.76 - 80, 112 + 40), abs=4.0)
+
+
+def test_how_far_the_gps_is_off_stands_below_the_speed() -> None:
+    tape = tape_of("clean", ticks=20)
+    moments = [replace(m, gps=(m.state.ego.x_m + 10.0, m.state.ego.y_m)) for m in tape.moments]
+    below_speed = Rectangle(328, 359, 200, 13)
+    assert count(Film(replace(tape, moments=tuple(moments))).picture(10), below_speed, WRONG) > 30
+    assert count(Film(tape).picture(10), below_speed, WRONG) == 0
 
 
 def test_the_sheet_holds_the_telling_moments_two_in_a_row(film: Film) -> None:
