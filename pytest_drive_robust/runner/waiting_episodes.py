@@ -12,6 +12,17 @@ from pytest_drive_robust.runner.plan import EpisodeRequest
 
 
 @dataclass(eq=False)
+class _Waiting:
+    request: EpisodeRequest
+    future: Future[EpisodeResult]
+    together: int
+
+    @property
+    def agent(self) -> str:
+        return self.request.episode.agent
+
+
+@dataclass(eq=False)
 class Batch:
     """Episodes of one agent that one driver has taken.
 
@@ -32,7 +43,7 @@ class WaitingEpisodes:
         self._width = width
         self._shares = shares
         self._lock = threading.Lock()
-        self._waiting: list[tuple[EpisodeRequest, Future[EpisodeResult]]] = []
+        self._waiting: list[_Waiting] = []
         self._alone: set[Future[EpisodeResult]] = set()
         self._batches: list[Batch] = []
         self._yielding: Batch | None = None
@@ -50,43 +61,41 @@ class WaitingEpisodes:
     def add(self, request: EpisodeRequest) -> Future[EpisodeResult]:
         """Let an episode wait; return the future of its result."""
         future: Future[EpisodeResult] = Future()
-        is_alone = self._width > 1 and self.together(request.episode.agent) == 1
+        together = self.together(request.episode.agent)
         with self._lock:
-            if is_alone:
+            if together < self._width:
                 self._alone.add(future)
-            self._waiting.append((request, future))
+            self._waiting.append(_Waiting(request, future, together))
         return future
 
     def begin(self) -> Batch | None:
         """Return an empty batch for the agent of the next episode; None if no episode waits."""
         with self._lock:
             first = self._first()
-        if first is None:
-            return None
-        together = self.together(first.episode.agent)
-        batch = Batch(first.episode.agent, together if together > 1 else None)
-        if batch.width is not None:
-            with self._lock:
+            if first is None:
+                return None
+            batch = Batch(first.agent, first.together if first.together > 1 else None)
+            if batch.width is not None:
                 self._batches.append(batch)
-        return batch
+            return batch
 
     def take(self, batch: Batch) -> EpisodeRequest | None:
         """Move the oldest waiting episode of its agent into a batch; None if there is none, or the batch is full."""
         with self._lock:
             if batch.width is not None and (self._yields(batch) or len(batch.open) >= self._share()):
                 return None
-            for number, (request, future) in enumerate(self._waiting):
-                if request.episode.agent == batch.agent:
-                    batch.open[request.key] = future
-                    del self._waiting[number]
-                    return request
-        return None
+            item = next((item for item in self._waiting if item.agent == batch.agent), None)
+            if item is None:
+                return None
+            self._waiting.remove(item)
+            batch.open[item.request.key] = item.future
+            return item.request
 
     def fail(self, batch: Batch, error: Exception) -> None:
         """Set `error` on the episodes of a batch without a result and on all waiting episodes of its agent."""
         with self._lock:
-            lost = [future for request, future in self._waiting if request.episode.agent == batch.agent]
-            self._waiting = [item for item in self._waiting if item[0].episode.agent != batch.agent]
+            lost = [item.future for item in self._waiting if item.agent == batch.agent]
+            self._waiting = [item for item in self._waiting if item.agent != batch.agent]
         for future in (*batch.open.values(), *lost):
             future.set_exception(error)
         batch.open.clear()
@@ -105,10 +114,10 @@ class WaitingEpisodes:
         self._alone = {future for future in self._alone if not future.done()}
         return len(self._alone)
 
-    def _first(self) -> EpisodeRequest | None:
+    def _first(self) -> _Waiting | None:
         """Return the next episode: one that is driven alone, because no batch grows while it waits, else the oldest."""
-        alone = (request for request, future in self._waiting if future in self._alone)
-        return next(alone, self._waiting[0][0] if self._waiting else None)
+        alone = (item for item in self._waiting if item.future in self._alone)
+        return next(alone, self._waiting[0] if self._waiting else None)
 
     def _yields(self, batch: Batch) -> bool:
         """Return whether a batch takes no more episodes, because an episode that cannot join waits for a driver.
@@ -116,7 +125,7 @@ class WaitingEpisodes:
         Only one batch at a time yields: otherwise a single such episode would empty every driver.
         """
         first = self._first()
-        if first is None or first.episode.agent == batch.agent:
+        if first is None or first.agent == batch.agent:
             if self._yielding is batch:
                 self._yielding = None
         elif self._yielding is None:
