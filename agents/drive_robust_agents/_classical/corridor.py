@@ -13,18 +13,31 @@ from pytest_drive_robust.jit.kernels import entry
 __all__ = ["Corridor", "beside", "oncoming"]
 
 _RANGE_M = 34.0
+"""Bodies farther ahead along the path are ignored."""
 _LEFT_M, _RIGHT_M = 1.3, 1.5
+"""A body this far to the left or right of the path is in the way."""
 _BODY_M, _NARROW_M = 1.2, 1.15
+"""Room to the right of the path that a step aside leaves, and the room to both sides while passing."""
 _ASIDE_MOST_M, _SQUEEZE_M = 1.2, 0.15
+"""Largest step aside, and how much more room than that a body must leave."""
 _ASIDE_RATE_MPS = 0.9
+"""How fast the path steps aside and back."""
 _DEPTH_M = 2.5
+"""Points up to this much farther ahead belong to the same body."""
 _BESIDE_M = 7.0
+"""The step aside lasts this far beyond the body."""
 _HOLD_S = 0.25
+"""An obstacle out of sight counts for this long."""
 _STEADY_S = 0.4
+"""A body's edge must be seen for this long before the path steps aside."""
 _DRIFT_MPS = -0.7
+"""A body whose edge drifts faster to the left is on its way into the lane: the path does not step aside."""
 _POST_M = 0.4
+"""What is narrower is a post."""
 _POST_ROOM_M = 0.8
+"""Points within this distance of each other belong to one thing."""
 _ONCOMING_M = (4.5, 34.0)
+"""Metres ahead between which a body in the oncoming lane forbids a left turn."""
 
 
 class Corridor:

@@ -9,13 +9,20 @@ from pytest_drive_robust.jit.arrays import Floats, Pixels
 __all__ = ["NightDetector", "lamp_light"]
 
 _SKY_ROWS, _SKY_STEP = slice(0, 24, 3), 8
+"""The rows, and the step between the columns, in which the sky is looked at."""
 _NIGHT_SKY = 75
+"""Brightness (0..255) below which the sky is dark."""
 _DEAD = 3
+"""Greatest brightness of a dead pixel."""
 _FOLLOW = 0.5
+"""Share of a new look in the brightness of the sky."""
 _LOOK_EVERY = 10
+"""Pictures between two looks."""
 
 _NEAREST_M, _FULL_M, _FADE_M = 2.0, 6.0, 22.0
+"""Metres ahead at which the light begins, at which it is full, and over which it fades to half."""
 _HALF_M, _WIDENS, _STEEP = 1.6, 0.35, 1.6
+"""The beam: half its width at the vehicle, its widening per metre ahead, and how sharp its edge is."""
 
 
 class NightDetector:

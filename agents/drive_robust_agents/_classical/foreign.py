@@ -15,9 +15,14 @@ FIRST_ROW, COLUMN_STEP = 77, 2
 DEAD = 3
 """Greatest brightness of a dead pixel."""
 _FOREIGN, _DEAD = np.uint8(1), np.uint8(2)
+"""The bits of a flag: no ground, and a dead pixel."""
 _DARK, _BLUE, _RED, _GREY, _BROWN = 0.70, 1.35, 1.7, 0.75, 1.25
+"""What is no ground, as shares of the asphalt's colour: darker than `_DARK`, bluer than `_BLUE` times its red, redder
+than `_RED` times its green. Dirt is `_BROWN` times as red as blue; asphalt at least `_GREY` times as blue as red."""
 _DARK_BY_NIGHT, _SHINING = 0.55, 200
+"""`_DARK` by night, and the brightness (0..255) from which a pixel beside the headlamps' light is a lamp."""
 _LEARN, _LEAST_KNOWN = 0.12, 3
+"""Share of a new row's colour in the asphalt's, and the pixels of asphalt without which nothing is learnt."""
 
 
 @entry

@@ -13,7 +13,10 @@ from pytest_drive_robust.jit.arrays import Floats, Pixels
 __all__ = ["Gap"]
 
 _LOOK_M, _PASSED_M, _JUMP_M = 46.0, 12.0, 3.0
+"""How far ahead the lane is looked at, the distance ahead below which a vehicle is just passing, and the step of the
+nearest point above which it belongs to another vehicle."""
 _JUST_S, _NOBODY_S = 1.2, 6.0
+"""For how long after a vehicle has passed the gap is open, and after how long without any vehicle."""
 _SLOW_S = 1.6
 """Longest time for one vehicle to pass; a longer passage means that more vehicles follow closely."""
 _DRIFT_M = 0.1
@@ -21,6 +24,8 @@ _DRIFT_M = 0.1
 _FAR_ROWS, _FAR_COLUMNS = slice(71, 78), slice(108, 127)
 """Pixels that show the lane to the left 40 to 100 m ahead on a straight road."""
 _ADAPT, _DIFFERENT, _SMOOTH, _MOVING_PX = 0.03, 20.0, 0.3, 5.0
+"""Motion far ahead: share of a new picture in the scene, difference of brightness that counts as motion, share of a new
+count in the mean, and the mean of pixels from which something moves."""
 
 
 class Gap:

@@ -16,11 +16,17 @@ FRONT_M = 2.45
 """From the middle of the vehicle to its front bumper."""
 
 _BRAKE_MPS2 = 2.5
+"""Deceleration of a stop by the rules."""
 _LINE_TO_JUNCTION_M = 5.0
+"""From the stop line to the place where the plan enters the junction."""
 _BEFORE_LIGHT_M, _BEFORE_SIGN_M, _WAIT_BEFORE_M = 1.5, 1.2, 1.0
+"""Where the vehicle stops: before the line at a red light and at a sign; before the entry to wait for a gap."""
 _LOOK_FROM_M = 40.0
+"""Lights and signs are looked at from this distance to the entry on."""
 _RED_LASTS_S = 8.0
+"""A light that was red and is hidden counts as red for this long."""
 _LAMP_PX, _SIGN_PX, _SIGN_TICKS = 3, 8, 4
+"""Least pixels of a lamp and of a sign, and the calls in which a sign must have been seen."""
 
 
 class JunctionRules:

@@ -13,14 +13,18 @@ from pytest_drive_robust.jit.kernels import entry, inner
 __all__ = ["LaneTracker"]
 
 _RIGHT_STEP_M, _FARTHEST_M = 0.12, 5.4
+"""Samples across the lane: metres between two, and metres to the outermost on both sides."""
 _RIGHT_M = np.arange(-_FARTHEST_M, _FARTHEST_M + 0.01, _RIGHT_STEP_M)
 _FLANK = 3
 """Samples (0.36 m) to both sides that must be darker than a marking, because a zebra bar is wider."""
 _REACH = 5
 """Samples (0.6 m) to both sides of the expected place within which a marking is searched."""
 _CONTRAST = 0.22
+"""How much brighter than its flanks a marking is, as a share of the asphalt's brightness."""
 _PRIOR = (6.0, 400.0, 30000.0)
+"""Weights of the last offset, slope and bend, against 1 for each marking seen."""
 _NARROWEST_M, _WIDEST_M = 3.1, 4.0
+"""Widths of the lane between which it is tracked."""
 
 
 class LaneTracker:

@@ -13,16 +13,26 @@ from pytest_drive_robust.jit.arrays import Floats, Pixels
 __all__ = ["Overtake"]
 
 _LANE_M = 3.4
+"""From the middle of the own lane to that of the lane to the left."""
 _SLOPE = 0.5
 """Metres to the side per metre ahead when pulling out and in."""
 _BLOCKED_M, _BLOCKED_HALF_M = 16.0, 1.4
+"""A body this near ahead, and this near to the middle of the lane, blocks it."""
 _STANDING_MPS, _MOVED_M = 0.3, 0.4
+"""Speed below which the vehicle stands, and motion of the body between two calls below which it stands, too."""
 _WAIT_S = 1.0
+"""Least time of waiting behind the body."""
 _LEFT_LANE_M = (-4.7, -2.3)
+"""Metres to the right between which a body is in the lane to the left."""
 _BESIDE_M, _NEXT_M = 8.0, 22.0
+"""The way past a body ends after this length without another body within `_NEXT_M`."""
 _SAME_M, _DRIVEN_M, _AHEAD_M = 0.8, 2.0, 9.0
+"""The body has driven off when its nearest point, in steps below `_SAME_M`, has moved by `_DRIVEN_M` and is `_AHEAD_M`
+ahead."""
 _LAMPS = (slice(73, 120), slice(90, 166))
+"""Rows and columns of the picture in which brake lamps of a vehicle right ahead are."""
 _LAMP_RED, _LAMP_PX = 235, 2
+"""Least red (0..255) of a brake lamp's pixel, and the least number of such pixels."""
 
 
 class Overtake:

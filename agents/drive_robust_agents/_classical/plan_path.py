@@ -16,7 +16,9 @@ from pytest_drive_robust.jit.arrays import Floats
 __all__ = ["Junction", "PlanPath"]
 
 _STEP_M = 0.5
+"""Between two points of the path."""
 _WINDOW_M = 12.0
+"""The vehicle is searched this far around the last answer, to both sides."""
 _TURNS = {RoadOption.LEFT: -math.pi / 2.0, RoadOption.RIGHT: math.pi / 2.0, RoadOption.STRAIGHT: 0.0}
 _CHANGES = {RoadOption.CHANGE_LANE_LEFT: 0.0, RoadOption.CHANGE_LANE_RIGHT: 0.0}
 _MANOEUVRES = {**_TURNS, **_CHANGES}

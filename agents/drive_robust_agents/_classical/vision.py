@@ -30,20 +30,28 @@ __all__ = ["CAMERA", "GroundModel", "Signals", "ground_pixels", "signals"]
 
 
 CAMERA = CameraSpec("front", x_m=0.3, z_m=2.0, fov_deg=90.0)
+"""The camera at the front edge of the roof."""
 _FOCAL_PX = CAMERA.width_px / 2.0 / tan(math.radians(CAMERA.fov_deg) / 2.0)
 _HORIZON = CAMERA.height_px // 2
 _HIGHEST_ROW = 12
+"""First row in which lamps and signs are looked for."""
 _SIGN_ROWS = 20
+"""A stop sign is within this many rows above the horizon."""
 
 _MOONLIGHT = 0.12
 """Light on the road by night without headlamps, as a share of the headlamps' light."""
 _LIT, _DIM = 0.2, 0.5
+"""Light of the headlamps above which the ground is judged, and below which a bright pixel is a lamp."""
 _ASPHALT_RANGE = (65.0, 125.0)
+"""Colours (0..255) between which asphalt in full light is."""
 _UNSEEN = 98.0
 """Assumed brightness of asphalt before any asphalt was seen."""
 _ENOUGH = 40
+"""Least pixels from which the asphalt's colour is learnt by night."""
 _LEARN = 0.12
+"""Share of a new picture in the asphalt's colour by night."""
 _LAMP_RED = 210
+"""Least red (0..255) of a lit lamp's pixel."""
 
 
 class GroundModel:
