@@ -23,22 +23,36 @@ _WHAT = {
 }
 """The words for infractions that happen in one tick. Other kinds are sums over the route, or ends."""
 _STANDING_MPS = 0.3
+"""An ego that is not faster stands."""
 _STANDING_S = 10.0
+"""An ego that stands for longer at the end of its episode stood still to the end."""
 _WRONG_WAY_RAD = np.radians(120.0)
+"""An ego turned farther from its lane's direction drives against the traffic."""
 _EVERY_S = 0.2
+"""Time between two places that are looked up on the map."""
 _GAP_M = 11.0
+"""Largest gap to an actor ahead behind which the ego stands."""
 _EGO_LENGTH_M, _EGO_WIDTH_M = 4.9, 1.85
+"""Size of the ego, CARLA's Lincoln MKZ."""
 _ROOM_M = 0.7
 """The least room beside the ego; an actor with less room blocks the way."""
 
 _TURN_RAD = np.radians(35.0)
+"""A road that bends farther turns."""
 _TURNED_RAD = np.radians(45.0)
+"""An ego that has turned farther within `_TURNED_S` turns, whatever the road does."""
 _TURNED_S, _BESIDE_S = 3.0, 4.0
+"""How far back a turn and a change of lanes are looked for."""
 _ROWS_BEHIND, _ROWS_AHEAD = 10, 15
+"""Rows of the route, a metre apart, within which it is looked at for a bend."""
 _TURN_BEHIND = 18
+"""Rows for which a turn lasts behind its junction."""
 _JUNCTION_BEHIND, _JUNCTION_AHEAD = 3, 8
+"""Rows behind and ahead within which a junction is being crossed."""
 _OTHER_LANE_M = 1.75
+"""An ego farther beside its lane's middle is in another lane, if there is one."""
 _OFF_ROAD_M = 1.5
+"""An ego farther outside all lanes is off the road."""
 
 
 class Moment(NamedTuple):

@@ -21,15 +21,25 @@ from pytest_drive_robust.simulators.embedded.traced.schema import Roads
 from pytest_drive_robust.simulators.embedded.weave import change_length_m
 
 _BEYOND_M = 160.0
+"""Roads go on this far beyond the route."""
 _BEHIND_M = 120.0
+"""Roads begin this far behind it."""
 _LEAST_CHANGE_M, _MOST_CHANGE_M = 12.0, 45.0
+"""Length of a lane change before an exit or behind an entry."""
 _SLOW_GAP_M = 80.0
+"""With a shorter stretch without waypoints the road is a slow one, of `_SLOW_MPS`."""
 _SLOW_MPS, _RAMP_MPS, _LEAST_MPS = 14.0, 14.0, 7.0
+"""Speed limits: of a slow road, and the highest and the lowest of a ramp."""
 _SIDEWAYS_MPS2 = 3.0
+"""Acceleration to the side in the sharpest bend of a ramp, at its limit."""
 _SHARPEST = 1.0 / 50.0
+"""Curvature (1/m) of the sharpest road beside an exit."""
 _PARALLEL_M = (50.0, 90.0)
+"""Shortest and longest acceleration lane."""
 _BACK_TO_FLOW_M = 45.0
+"""Straight road before the place where the ego enters."""
 _LEAST_GAP_M = 40.0
+"""Shortest stretch without waypoints in which roads can part or meet."""
 
 
 def draw_exit(town: Town, course: RouteCourse, roads: Roads, spec: ScenarioSpec, trigger_m: float) -> Floats:
