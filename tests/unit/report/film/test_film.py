@@ -137,6 +137,7 @@ def test_an_infraction_is_told_from_its_tick_on(film: Film) -> None:
 def test_an_infraction_has_a_broken_ring_before_its_tick_and_a_whole_one_from_then_on(film: Film) -> None:
     broken, whole = (count(film.picture(position), RIGHT_VIEW, WRONG) for position in (59, 60))
     assert 50 < broken < 0.7 * whole
+    assert whole > 200
     assert count(film.picture(60), LEFT_VIEW, WRONG) == 0
 
 
