@@ -49,7 +49,7 @@ def _side(value: float, limit: float) -> int:
 
 def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
     """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when too few routes make an end infinite."""
-    return f"{100.0 * confidence:.3g} % interval {ends_text(metric, low, high)}"
+    return f"{in_percent(confidence)} % interval {ends_text(metric, low, high)}"
 
 
 def ends_text(metric: str, low: float, high: float) -> str:
@@ -62,6 +62,15 @@ def ends_text(metric: str, low: float, high: float) -> str:
 def lower_end(metric: str, low: float) -> str:
     """Return the lower end of an interval; `"< -1"` for an RD below -1, which few routes may leave open."""
     return "< -1" if metric == "RD" and low < -1.0 else shown(metric, low)
+
+
+def in_percent(share: float) -> str:
+    """Return a share in percent with all of its digits, because 0.1 % is not "0%" and 99.98 % is not "100 %".
+
+    >>> in_percent(0.05), in_percent(0.025), in_percent(0.001), in_percent(1.0 - 2.0 * 0.0001)
+    ('5', '2.5', '0.1', '99.98')
+    """
+    return f"{100.0 * share:.10g}"
 
 
 def counted(number: int, noun: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pytest_drive_robust.metrics.table import Metric
-from pytest_drive_robust.report.numbers import counted
+from pytest_drive_robust.report.numbers import counted, in_percent
 
 OPEN = "not shown to be broken, nor to hold within its margin"
 """The reason of an inconclusive verdict without its own message."""
@@ -24,8 +24,8 @@ def claims(metric: Metric, comparison: str, *, limit: float, lenient: float) -> 
 def shown_by_evidence(claim: str, verdict: str, *, alpha: float, family: int) -> str:
     """Return the promise of a pass or a fail from evidence; `family` is how many requirements a fail stands among."""
     if verdict == "fail" and family > 1:
-        return f"{claim} on routes like these; any wrong fail among {family}: at most {alpha:.0%}"
-    return f"{claim} on routes like these, wrong at most {alpha:.0%} of the time"
+        return f"{claim} on routes like these; any wrong fail among {family}: at most {in_percent(alpha)}%"
+    return f"{claim} on routes like these, wrong at most {in_percent(alpha)}% of the time"
 
 
 def of_these_routes(rule: str, *, routes: int, planned: int, alpha: float) -> str:
@@ -34,5 +34,5 @@ def of_these_routes(rule: str, *, routes: int, planned: int, alpha: float) -> st
     if rule == "point":
         return f"compared with the limit for {these}"
     if routes < planned:
-        return f"decided for {these}, before all were driven: wrong at most {alpha:.0%} of the time"
+        return f"decided for {these}, before all were driven: wrong at most {in_percent(alpha)}% of the time"
     return f"decided for {these}"

@@ -8,7 +8,7 @@ from functools import partial
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.report.failure import replay_command
-from pytest_drive_robust.report.numbers import legible, lower_end, shown, shown_beside
+from pytest_drive_robust.report.numbers import in_percent, legible, lower_end, shown, shown_beside
 from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.report.promise import OPEN
 from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
@@ -118,7 +118,7 @@ def footnotes(run: RunResult) -> list[str]:
         lines.append(
             "'n/m' routes: the verdicts were clear after n of m routes (a failing test shows the routes of its own "
             "verdict, maybe fewer); in brackets what DS and RD may be on routes like these "
-            f"({100.0 * confidence:.3g} % intervals). Between rows compare RD (paired by route), not DS. All routes, "
+            f"({in_percent(confidence)} % intervals). Between rows compare RD (paired by route), not DS. All routes, "
             "with efficiency and comfort: --drive-verdict=point"
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
@@ -139,20 +139,20 @@ def _several(run: RunResult) -> list[str]:
     if len(shared) < 2:
         return []
     alpha, count = run.options.verdict_rule.alpha, len(shared)
+    rarely = f"{in_percent(alpha)}% of the time"
     others = len(run.judged) - count
     lines = [
-        f"{count} verdicts from evidence: when all pass, 'all hold' is wrong at most {alpha:.0%} of the time, "
-        "however many there are;"
+        f"{count} verdicts from evidence: when all pass, 'all hold' is wrong at most {rarely}, however many there are;"
     ]
     if run.options.correction == "none":
-        often = f"{any_wrong(alpha, count):.0%}"
+        often = in_percent(float(f"{any_wrong(alpha, count):.2g}"))
         lines.append(
-            f"  'any fails' is wrong up to {often} of the time, if every limit lies exactly at the agent's value, and "
-            f"hardly ever with 0.05 of the range to spare (--drive-correction=holm: at most {alpha:.0%})"
+            f"  'any fails' is wrong up to {often}% of the time, if every limit lies exactly at the agent's value, and "
+            f"hardly ever with 0.05 of the range to spare (--drive-correction=holm: at most {in_percent(alpha)}%)"
         )
     else:
         planned = max(item.family for item in shared)
-        lines.append(f"  'any fails' is wrong at most {alpha:.0%} of the time (Holm over {max(count, planned)})")
+        lines.append(f"  'any fails' is wrong at most {rarely} (Holm over {max(count, planned)})")
         if count > planned:
             lines.append(
                 f"  but only {planned} were counted when the tests were collected, so fails before the end were "

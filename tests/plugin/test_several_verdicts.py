@@ -49,6 +49,15 @@ def test_without_a_correction_each_verdict_has_its_own_alpha_and_the_run_says_wh
     assert "'any fails' is wrong up to 14% of the time" in output
 
 
+def test_a_small_alpha_is_told_with_its_digits(mixed):
+    result = run(mixed(BROKEN, HOLDS), "--drive-alpha", "0.0001", "--drive-inconclusive", "fail")
+    output = " ".join(result.stdout.str().split())
+    assert "99.98 % interval" in output
+    assert "'all hold' is wrong at most 0.01% of the time" in output
+    assert "'any fails' is wrong up to 0.02% of the time" in output
+    assert "(--drive-correction=holm: at most 0.01%)" in output
+
+
 @processes
 def test_holm_keeps_open_what_is_a_fail_only_on_its_own(mixed, workers):
     folder = mixed(NEAR, HOLDS)

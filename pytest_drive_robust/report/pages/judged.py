@@ -11,6 +11,7 @@ from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.metrics.episodes import route_and_seed
 from pytest_drive_robust.metrics.table import Metric
+from pytest_drive_robust.report.numbers import in_percent
 from pytest_drive_robust.report.pages.episodes import EpisodeTable
 from pytest_drive_robust.report.pages.evidence import bound, growth, reading_order
 from pytest_drive_robust.report.promise import OPEN, claims, confidence, of_these_routes, shown_by_evidence
@@ -53,7 +54,7 @@ def requirement_data(records: RunRecords, table: EpisodeTable, judged: Mapping[s
 
 def level_text(rule: str, alpha: float) -> str:
     """Return the confidence of an interval as text, such as `"90 %"`."""
-    return f"{100.0 * confidence(rule, alpha):.3g} %"
+    return f"{in_percent(confidence(rule, alpha))} %"
 
 
 def _metric(name: str) -> Metric | None:

@@ -23,6 +23,13 @@ def test_among_several_requirements_only_a_fail_is_rarer():
     assert shown_by_evidence("RD > 0.30", "fail", alpha=0.05, family=3).endswith("any wrong fail among 3: at most 5%")
 
 
+@pytest.mark.parametrize(("alpha", "told"), [(0.025, "2.5%"), (0.005, "0.5%"), (0.0001, "0.01%")])
+def test_a_small_alpha_is_told_with_its_digits(alpha, told):
+    assert shown_by_evidence("RD > 0.30", "fail", alpha=alpha, family=1).endswith(f" wrong at most {told} of the time")
+    assert shown_by_evidence("RD > 0.30", "fail", alpha=alpha, family=3).endswith(f" at most {told}")
+    assert of_these_routes("list", routes=3, planned=4, alpha=alpha).endswith(f" wrong at most {told} of the time")
+
+
 @pytest.mark.parametrize(
     ("rule", "routes", "told"),
     [
