@@ -17,7 +17,8 @@ from typing import Any
 from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UnknownNameError, UsageError, first_few
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
-from pytest_drive_robust.regression.snapshot import Cell, Snapshot
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 from pytest_drive_robust.stats.resolution import told_apart
 from pytest_drive_robust.verdict.requirement import Requirement
@@ -99,7 +100,7 @@ def _require_whole(run: Snapshot) -> None:
 def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule) -> ProposedLimit | None:
     """Return the strictest limit that the scores pass, or None when there is no such limit."""
     clean = cells[setting.baseline].routes if setting.baseline in cells else {}
-    pairs = [(score.ds, clean[route].ds) for route, score in cells[setting].routes.items() if route in clean]
+    pairs = _pairs_in_order(cells[setting], clean)
     if len(pairs) < _FEWEST_ROUTES:
         return None
     mean = fmean(before for _, before in pairs)
@@ -122,6 +123,16 @@ def _proposed(setting: Setting, cells: Mapping[Setting, Cell], rule: VerdictRule
             distance = requirement.limit - value if requirement.needs_clean else value - requirement.limit
             return ProposedLimit(requirement, value, distance, len(pairs))
     return None
+
+
+def _pairs_in_order(cell: Cell, clean: Mapping[str, RouteScore]) -> list[tuple[float, float]]:
+    """Return (score, clean score) of each route with both, in the order in which a run reads the routes.
+
+    A verdict may stop early in one order and not in another.
+    """
+    routes = [route for route in cell.routes if route in clean]
+    order = planned_order(routes, [cell.routes[route].scenario for route in routes], cell.agent)
+    return [(cell.routes[route].ds, clean[route].ds) for route in order]
 
 
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:

@@ -14,6 +14,7 @@ from pytest_drive_robust.perturbations import BUILTIN, Setting
 from pytest_drive_robust.regression.fingerprint import Fingerprint
 from pytest_drive_robust.regression.proposed_limits import ProposedLimit, propose_limits
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
+from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
 
 RULE = VerdictRule()
@@ -48,15 +49,17 @@ def test_the_agent_meets_what_is_proposed(pairs: list[tuple[float, float]]) -> N
 
 @pytest.mark.parametrize("routes", [20, 30, 44, 100])
 @pytest.mark.parametrize("lost", [0, 1, 2, 5])
-def test_the_scores_that_a_limit_rests_on_pass_it(routes: int, lost: int) -> None:
+@pytest.mark.parametrize("first", [True, False])
+def test_the_scores_that_a_limit_rests_on_pass_it_in_the_order_of_a_run(routes: int, lost: int, first: bool) -> None:
     clean = [100.0 if n % 4 else 60.0 for n in range(routes)]
-    perturbed = [0.0 if n < lost else score for n, score in enumerate(clean)]
+    perturbed = [0.0 if (n if first else routes - 1 - n) < lost else score for n, score in enumerate(clean)]
     found = limits(run(clean, perturbed))
     assert len(found) == 2
+    order = [int(route) for route in planned_order([str(n) for n in range(routes)], ["Accident"] * routes, "driver")]
     for item in found:
-        pairs = zip(perturbed if item.requirement.needs_clean else clean, clean, strict=True)
+        scores = perturbed if item.requirement.needs_clean else clean
         judge = judge_by("evidence", item.requirement.linear_forms(RULE), planned=routes)
-        assert read_until_decided(judge, pairs)[0] == "pass", item
+        assert read_until_decided(judge, [(scores[n], clean[n]) for n in order])[0] == "pass", item
 
 
 def test_a_run_that_is_not_whole_gives_none() -> None:
