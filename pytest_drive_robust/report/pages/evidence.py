@@ -33,32 +33,44 @@ def reading_order(records: RunRecords, judged: Mapping[str, Any]) -> list[str]:
 def growth(records: RunRecords, judged: Mapping[str, Any], order: Sequence[str]) -> list[list[float | None]]:
     """Return [routes read, value, low, high] for a growing number of routes; the bounds are None unless by evidence.
 
-    Empty when the metric has no value by route, or the episodes cannot be scored.
+    A route without data is read, too, and changes no value. Empty when the metric has no value by route, or the
+    episodes cannot be scored.
     """
     metric = METRICS.get(judged["metric"])
     if metric is None or not order:
         return []
-    agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
-    results = records.of_setting(agent, setting, order, seeds)
-    clean = records.of_setting(agent, records.baseline(setting), order, seeds) if metric.needs_clean else []
     try:
-        values, references = metric.by_route(results, clean=clean, mode=records.mode)
+        scores = _by_route(records, judged, metric, order)
     except (ComparisonError, ValueError):  # for example comfort without a stored trace
         return []
     alpha = records.alpha if judged["rule"] == "evidence" else None
-    return [
-        [count, *_step(metric, values[:count], references[:count], judged, alpha)] for count in _counts(len(values))
-    ]
+    return [[count, *_step(metric, scores[:count], judged, alpha)] for count in _counts(len(scores))]
+
+
+def _by_route(
+    records: RunRecords, judged: Mapping[str, Any], metric: Metric, order: Sequence[str]
+) -> list[tuple[float, float] | None]:
+    """Return value and reference of each route, None for a route without data."""
+    agent, setting, seeds = judged["agent"], judged["setting"], judged["seeds"]
+    if metric.needs_clean:
+        results = records.of_setting(agent, setting, order, seeds)
+        clean = records.of_setting(agent, records.baseline(setting), order, seeds)
+        return list(zip(*metric.by_route(results, clean=clean, mode=records.mode), strict=True))
+    of_routes = (records.of_setting(agent, setting, [route_id], seeds) for route_id in order)
+    return [metric.of_route(results, mode=records.mode) for results in of_routes]
 
 
 def _step(
     metric: Metric,
-    values: Sequence[float],
-    references: Sequence[float],
+    scores: Sequence[tuple[float, float] | None],
     judged: Mapping[str, Any],
     alpha: float | None,
 ) -> list[float | None]:
-    ended, comparison = len(values) >= judged["planned"], judged["comparison"]
+    ended, comparison = len(scores) >= judged["planned"], judged["comparison"]
+    known = [found for found in scores if found is not None]
+    if not known:
+        return [None, None, None]
+    values, references = ([found[place] for found in known] for place in (0, 1))
     mean = sum(values) / len(values)
     bounds: tuple[float | None, float | None] = (None, None)
     if not metric.needs_clean:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +32,7 @@ from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
+from pytest_drive_robust.verdict.evaluate import evaluate
 from pytest_drive_robust.verdict.sentences import requirements
 
 SETTING = "200 ms latency"
@@ -297,6 +299,26 @@ def evidence():
     judged = Judged("test.py::t", f"RD under {SETTING} <= 0.2", "driver", "one-per-scenario", (0,), "RD", SETTING,
                     "<=", 0.2, "fail", value, 0.1, 0.4, 12, planned=44, rule="evidence")  # fmt: skip
     return order, judged, records(*clean, *reversed(perturbed), judged=[judged])
+
+
+@pytest.mark.parametrize("planned", [24, 44])
+def test_the_evidence_grows_to_the_interval_of_the_verdict_where_some_routes_have_no_data(tmp_path, planned):
+    routes = resolve_routes("one-per-scenario")
+    order = planned_order([r.id for r in routes], [r.scenario.type for r in routes], "driver")[:24]
+    results = [make_result(name, speed_ratios_pct=[40.0 + n] if n % 6 else []) for n, name in enumerate(order)]
+    verdict = evaluate(
+        requirements("efficiency under clean >= 70")[0], agent="driver", clean=[], perturbed=results,
+        verdict_rule=VerdictRule("evidence"), decision="fail", planned=planned,
+    )  # fmt: skip
+    judged = Judged("t", str(verdict.requirement), "driver", "one-per-scenario", (0,), "efficiency", "clean",
+                    ">=", 70.0, "fail", verdict.value, verdict.low, verdict.high, 24, planned=planned,
+                    rule="evidence")  # fmt: skip
+    write_pages(tmp_path, records(*results, judged=[judged]))
+    (item,) = data_of(tmp_path)["requirements"]
+    assert item["growth"][0] == [1, None, None, None]
+    assert [point[0] for point in item["growth"]] == list(range(1, 25))
+    high = verdict.high if verdict.high < math.inf else None
+    assert item["growth"][-1] == [24, pytest.approx(verdict.value), verdict.low, high]
 
 
 def test_the_evidence_grows_in_the_order_of_reading_to_the_value_of_the_verdict(tmp_path):
