@@ -31,6 +31,9 @@ from pytest_drive_robust.verdict.touched import require_touched
 _SCORES = ("RD", "DS", "SR")
 """The metrics whose worst routes are those with the lowest driving scores."""
 
+_LIST_ALPHA = 0.025
+"""The alpha a side of the 95 % interval of a list that was not read to its end."""
+
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
@@ -39,9 +42,9 @@ class Verdict:
     `decision` is `"pass"`, `"fail"` or `"inconclusive"` by `verdict_rule`; `margin` is the margin of the rule in the
     unit of the metric (0 for rules without a margin). `reason` says what the numbers do not show. `value` is the metric
     over the `routes` driven, of `planned` routes. `low..high` is the interval of `value` over routes like these: 95 %,
-    or alpha a side of the rule when evidence was read, which may stop early. An end is infinite where one route or an
-    unsure clean score gives no bound. `p_value` tests "the requirement holds"; None unless evidence was read. `clean`
-    is None when no clean episode was given. `worst` holds at most three routes, for people.
+    or alpha a side of the rule when evidence was read; both hold after an early stop. An end is infinite where one
+    route or an unsure clean score gives no bound. `p_value` tests "the requirement holds"; None unless evidence was
+    read. `clean` is None when no clean episode was given. `worst` holds at most three routes, for people.
     """
 
     requirement: Requirement
@@ -106,8 +109,7 @@ def evaluate(
         # Without reading route by route, no error rate can be promised.
         verdict_rule = replace(verdict_rule or VerdictRule(), kind="point")
         decision = "pass" if requirement.is_met_by(value) else "fail"
-    elif verdict_rule.kind == "evidence":
-        ended = planned is None or routes >= planned
+    elif not (ended := planned is None or routes >= planned) or verdict_rule.kind == "evidence":
         by_route = metric.by_route(perturbed, clean=clean, mode=mode)
         (low, high), p_value = _after_reading(requirement, verdict_rule, *by_route, ended=ended)
     reason = _below_floor(metric, clean, verdict_rule)
@@ -157,10 +159,13 @@ def _after_reading(
     references: Sequence[float],
     *,
     ended: bool,
-) -> tuple[tuple[float, float], float]:
-    """Return the interval and the p-value, which stay valid when reading stopped early."""
-    p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
-    metric, alpha, comparison = requirement.metric, verdict_rule.alpha, requirement.comparison
+) -> tuple[tuple[float, float], float | None]:
+    """Return the interval and, by evidence, the p-value; both stay valid when reading stopped early."""
+    metric, alpha, comparison = requirement.metric, _LIST_ALPHA, requirement.comparison
+    p_value = None
+    if verdict_rule.kind == "evidence":
+        alpha = verdict_rule.alpha
+        p_value = fail_p_value(requirement.linear_forms(verdict_rule), values, references, ended=ended)
     if metric.needs_clean:
         return evidence_interval(references, values, alpha, ended=ended, comparison=comparison), p_value
     low, high = metric.low, metric.high

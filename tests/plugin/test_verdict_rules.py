@@ -111,6 +111,17 @@ def test_a_list_verdict_is_exact_for_its_list(suite) -> None:
     assert {name: judged["verdict"] for name, judged in verdicts(pytester).items()} == {HOLDS: "pass", BROKEN: "fail"}
 
 
+def test_a_list_that_stops_early_has_an_interval_that_leaves_room_for_other_routes(suite) -> None:
+    pytester = suite(BROKEN)
+    thirty_routes(pytester)
+    result = pytester.runpytest_inprocess("--drive-robust", "--drive-verdict", "list", "--drive-json", "run.json")
+    (judged,) = verdicts(pytester).values()
+    assert judged["routes"] < judged["planned"] == 30
+    assert judged["low"] < 1.0
+    assert judged["high"] > 10.0, "else betting cannot have stopped here"
+    result.stdout.fnmatch_lines([f"*(95 % interval 0.?? to ??.??, {judged['routes']} of 30 routes x 1 seed)*"])
+
+
 def test_a_marker_and_a_single_check_choose_their_own_rule(suite) -> None:
     pytester = suite(
         test=f'''

@@ -226,6 +226,32 @@ def test_the_interval_of_evidence_is_that_of_its_rule_and_comparison(planned: in
     assert (verdict.routes, verdict.planned) == (24, planned)
 
 
+@pytest.mark.parametrize("sentence", ["DS under 200 ms latency >= 60", RD])
+def test_the_interval_of_a_list_that_was_not_read_to_its_end_holds_after_the_stop(sentence: str) -> None:
+    before, after = [100.0, 90.0] * 4, [0.0] * 8
+    found = {
+        planned: evaluate(
+            requirements(sentence)[0],
+            agent="driver",
+            clean=drives(before),
+            perturbed=drives(after, setting=LATE),
+            verdict_rule=VerdictRule("list"),
+            decision="fail",
+            planned=planned,
+        )
+        for planned in (8, 19)
+    }
+    read, stopped = ((found[planned].low, found[planned].high) for planned in (8, 19))
+
+    if sentence == RD:
+        assert read == ratio_interval(before, after)
+        assert stopped == evidence_interval(before, after, 0.025)
+    else:
+        assert read == (0.0, 0.0)
+        assert stopped == mean_evidence_interval(after, 0.025, low=0.0, high=100.0)
+    assert {verdict.p_value for verdict in found.values()} == {None}
+
+
 def test_a_degradation_under_a_setting_with_a_warm_up_is_compared_with_that_warm_up_only() -> None:
     warm = "200 ms latency (mode=hold, warmup_ticks=20)"
     clean, late = drives([90.0, 80.0]), drives([80.0, 80.0], setting=str(Setting.parse(warm)))
