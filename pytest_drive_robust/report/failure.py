@@ -55,7 +55,8 @@ def _headline(verdict: Verdict) -> list[str]:
     value = f" = {shown_beside(metric, verdict.value, requirement.limit)}"
     value += f", limit {requirement.comparison} {requirement.metric.format_limit(requirement.limit)}"
     sure = confidence(verdict.verdict_rule.kind, verdict.verdict_rule.alpha)
-    interval = interval_text(metric, verdict.low, verdict.high, confidence=sure)
+    limits = [requirement.limit, *([requirement.lenient_limit(verdict.verdict_rule)] if verdict.margin else [])]
+    interval = interval_text(metric, verdict.low, verdict.high, *limits, confidence=sure)
     routes = counted(verdict.routes, "route")
     if verdict.routes < verdict.planned:
         routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"

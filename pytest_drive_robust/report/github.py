@@ -76,7 +76,9 @@ def _headline(run: RunResult) -> str:
 def _verdict(judged: Judged) -> tuple[str, ...]:
     interval = "-"
     if judged.low is not None and judged.high is not None:
-        interval = ends_text(judged.metric, judged.low, judged.high)
+        give = judged.margin or 0.0
+        lenient = judged.limit + give if judged.comparison == "<=" else judged.limit - give
+        interval = ends_text(judged.metric, judged.low, judged.high, judged.limit, lenient)
     routes = f"{judged.routes} of {judged.planned}" if judged.routes < judged.planned else str(judged.routes)
     return (
         judged.requirement,

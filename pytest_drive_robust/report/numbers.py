@@ -22,21 +22,21 @@ def shown(metric: str, value: float | None) -> str:
     return "0.00" if text == "-0.00" and metric in _SHARES else text
 
 
-def beside(value: float, limit: float, *, decimals: int = 2, sign: str = "") -> str:
-    """Return `value` with `decimals` digits or more, so that the text lies on the same side of `limit` as `value`.
+def beside(value: float, *limits: float, decimals: int = 2, sign: str = "") -> str:
+    """Return `value` with `decimals` digits or more, so that the text lies on the same side of each limit as `value`.
 
     >>> beside(0.3003, 0.30), beside(0.64, 0.30), beside(0.30, 0.30)
     ('0.3003', '0.64', '0.30')
     """
     text = f"{value:{sign}.{decimals}f}"
-    if decimals >= _MOST_DECIMALS or _side(float(text), limit) == _side(value, limit):
+    if decimals >= _MOST_DECIMALS or all(_side(float(text), limit) == _side(value, limit) for limit in limits):
         return text
-    return beside(value, limit, decimals=decimals + 1, sign=sign)
+    return beside(value, *limits, decimals=decimals + 1, sign=sign)
 
 
-def shown_beside(metric: str, value: float | None, limit: float) -> str:
-    """Return a value as `shown` does, with more decimals if needed to tell the value from `limit` (see `beside`)."""
-    text = "-" if value is None or not math.isfinite(value) else beside(value, limit)
+def shown_beside(metric: str, value: float | None, *limits: float) -> str:
+    """Return a value as `shown` does, with more decimals if needed to tell the value from the limits (see `beside`)."""
+    text = "-" if value is None or not math.isfinite(value) else beside(value, *limits)
     return shown(metric, value) if text == "-0.00" else text
 
 
@@ -47,21 +47,27 @@ def _side(value: float, limit: float) -> int:
     return 1 if value > limit else -1
 
 
-def interval_text(metric: str, low: float, high: float, *, confidence: float = 0.95) -> str:
+def interval_text(metric: str, low: float, high: float, *limits: float, confidence: float = 0.95) -> str:
     """Return `"95 % interval 0.33 to 0.53"`; `"95 % interval unknown"` when too few routes make an end infinite."""
-    return f"{in_percent(confidence)} % interval {ends_text(metric, low, high)}"
+    return f"{in_percent(confidence)} % interval {ends_text(metric, low, high, *limits)}"
 
 
-def ends_text(metric: str, low: float, high: float) -> str:
-    """Return `"0.33 to 0.53"`; `"unknown"` when too few routes make an end infinite."""
+def ends_text(metric: str, low: float, high: float, *limits: float) -> str:
+    """Return `"0.33 to 0.53"`; `"unknown"` when too few routes make an end infinite.
+
+    An end has more decimals if needed to tell whether the interval contains one of the limits.
+
+    >>> ends_text("RD", 0.3003, 0.3996), ends_text("RD", 0.3003, 0.3996, 0.30, 0.40)
+    ('0.30 to 0.40', '0.3003 to 0.3996')
+    """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "unknown"
-    return f"{lower_end(metric, low)} to {shown(metric, high)}"
+    return f"{lower_end(metric, low, *limits)} to {shown_beside(metric, high, *limits)}"
 
 
-def lower_end(metric: str, low: float) -> str:
+def lower_end(metric: str, low: float, *limits: float) -> str:
     """Return the lower end of an interval; `"< -1"` for an RD below -1, which few routes may leave open."""
-    return "< -1" if metric == "RD" and low < -1.0 else shown(metric, low)
+    return "< -1" if metric == "RD" and low < -1.0 else shown_beside(metric, low, *limits)
 
 
 def in_percent(share: float) -> str:

@@ -10,7 +10,7 @@ from made_up_pages import HIT, LATENCY, report_of, text
 from report_pages import AGENT, EPISODE, REQUIREMENT, VIEWS, data_of
 from result_factory import make_result, scored
 
-from pytest_drive_robust.report.numbers import shown_beside
+from pytest_drive_robust.report.numbers import ends_text, shown_beside
 from pytest_drive_robust.verdict.explain import seconds_text
 
 pytestmark = pytest.mark.slow
@@ -135,6 +135,8 @@ def test_a_number_is_rounded_as_in_the_terminal(opened):
         assert shown == [f"{number:.{decimals}f}" for number in numbers]
     share = "[0.125, -0.125].map((value) => driveRobust.shownBeside(value, 0.12))"
     assert page.evaluate(share) == [shown_beside("SR", 0.125, 0.12), "\u22120.12"]
+    ends = page.evaluate("driveRobust.between('RD', 0.3003, 0.3996, 0.30, 0.40)")
+    assert ends == ends_text("RD", 0.3003, 0.3996, 0.30, 0.40) == "0.3003 to 0.3996"
 
 
 def test_a_driving_score_is_rounded_once(opened, tmp_path):

@@ -64,6 +64,19 @@ def test_value_and_limit_are_not_rounded_into_agreement():
 
 
 @pytest.mark.parametrize(
+    ("limit", "decision", "ends"), [(0.34, "fail", "0.341 to 0.47"), (0.37, "pass", "0.34 to 0.467")]
+)
+def test_an_interval_is_not_rounded_into_containing_a_limit_that_it_excludes(limit, decision, ends):
+    clean = [scored(str(number), 100.0) for number in range(40)]
+    perturbed = [scored(str(number), 40.0 + 10.0 * (number % 5), setting=str(LATENCY)) for number in range(40)]
+    rule = VerdictRule("evidence")
+    wanted = requirement("RD", LATENCY) <= limit
+    verdict = evaluate(wanted, agent="driver", clean=clean, perturbed=perturbed, verdict_rule=rule, decision=decision)
+    text = failure_text(verdict, RunOptions(), routes_spec="dev10", privileged=False)
+    assert f"(90 % interval {ends}, 40 routes x 1 seed)" in text
+
+
+@pytest.mark.parametrize(
     ("wanted", "told"),
     [
         (requirement("DS") >= 5, "neither DS < 5 nor DS > 2.5 is shown"),

@@ -54,6 +54,11 @@ def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
     assert "| RD under wild &lt;= 0.30 | star\\* | 0.3003 |" in step_summary(run_of(close))
 
 
+def test_an_interval_is_not_rounded_to_the_limit_or_the_limit_with_its_margin() -> None:
+    close = replace(WILD, low=0.2996, high=0.4003, margin=0.1)
+    assert "| 0.34 | 0.2996 to 0.4003 |" in step_summary(run_of(close))
+
+
 def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
     told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but not all tests came to their verdicts"
     assert step_summary(replace(run_of(WILD), ended_early=True)).splitlines()[0] == told

@@ -33,7 +33,7 @@ driveRobust.charts = (() => {
     if (item.value === null) return h("span", { class: "soft" }, "\u2013");
     const [width, height] = [200, ends ? 32 : 22];
     const x = (value) => 4 + ((Math.min(Math.max(value, low), high) - low) / (high - low)) * (width - 8);
-    const words = `${item.metric} ${shownBeside(item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
+    const words = `${item.metric} ${shownBeside(item.value, item.limit)}, ${item.level} interval ${between(item.metric, item.low, item.high, item.limit, item.lenient ?? item.limit)}, limit ${item.comparison} ${shownLimit(item.metric, item.limit)}`;
     const [from, to] = [item.low === null ? low : item.low, item.high === null ? high : item.high];
     const beyond = (value) => h("rect", { class: "forbidden", x: item.comparison === "<=" ? x(value) : 4, y: 7, width: item.comparison === "<=" ? width - 4 - x(value) : x(value) - 4, height: 8 });
     return h("svg", { class: `bullet ${item.verdict}`, viewBox: `0 0 ${width} ${height}`, width, height, role: "img", "aria-label": words },

@@ -86,12 +86,12 @@ const driveRobust = (() => {
   function shown(value) {
     return fixed(value, DECIMALS);
   }
-  /* Return a value with as many decimals as it takes to tell the value from the limit beside it. */
-  function shownBeside(value, limit) {
+  /* Return a value with as many decimals as it takes to tell the value from the limits beside it. */
+  function shownBeside(value, ...limits) {
     if (value === null || value === undefined) return fixed(value, 0);
-    const side = (number) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
+    const side = (number, limit) => (Math.abs(number - limit) <= 1e-9 * Math.max(1, Math.abs(limit)) ? 0 : Math.sign(number - limit));
     let decimals = DECIMALS;
-    while (decimals < 9 && side(Math.sign(value) * rounded(value, decimals)) !== side(value)) decimals += 1;
+    while (decimals < 9 && limits.some((limit) => side(Math.sign(value) * rounded(value, decimals), limit) !== side(value, limit))) decimals += 1;
     return fixed(value, decimals);
   }
   /* Return a limit as its requirement states it. */
@@ -102,9 +102,10 @@ const driveRobust = (() => {
   function signed(value, decimals) {
     return value > 0 ? `+${fixed(value, decimals)}` : fixed(value, decimals);
   }
-  function between(metric, low, high) {
+  /* Return an interval, with as many decimals as it takes to tell whether it contains one of the limits. */
+  function between(metric, low, high, ...limits) {
     if (low === null && high === null) return "";
-    const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shown(value));
+    const word = (value) => (value === null ? "no bound" : metric === "RD" && value < -1 ? `< ${MINUS}1` : shownBeside(value, ...limits));
     return `${word(low)} to ${word(high)}`;
   }
   /* Return a time of an episode rounded as in the sentences of verdict/explain.py: 7.25 is 7.3. */

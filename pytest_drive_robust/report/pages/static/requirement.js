@@ -28,7 +28,7 @@ driveRobust.views.set("requirement", (() => {
 
   function sentenceOf(item) {
     if (item.value === null) return "It could not be judged.";
-    const interval = between(item.metric, item.low, item.high);
+    const interval = between(item.metric, item.low, item.high, item.limit, item.lenient ?? item.limit);
     const routes = item.planned > item.routes ? `${item.routes} of ${counted(item.planned, "route")}` : counted(item.routes, "route");
     const where = item.rule === "evidence" ? " on routes like these" : "";
     return `${item.metric} is ${shownBeside(item.value, item.limit)}${interval ? `, ${item.level} interval${where} ${interval}` : ""}; the limit is ${item.comparison} ${shownLimit(item.metric, item.limit)}. ${routes}${item.rule ? `, rule ${item.rule}` : ""}.`;
