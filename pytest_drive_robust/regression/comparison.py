@@ -12,7 +12,7 @@ from pytest_drive_robust.regression.comparison_result import CellComparison, Com
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.shared_routes import Pair, Shared, other_content, pairs_of
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot
-from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, rule_for
+from pytest_drive_robust.regression.verdicts import Quartet, below_floor, judge_drop, judge_rise, rule_for
 from pytest_drive_robust.stats.evidence import FEWEST_FOR_T
 
 
@@ -173,7 +173,9 @@ def _rise(
     changed = sum(item.clean_before != item.clean_after or item.before != item.after for item in quartets)
     same_seeds = _same_seeds(pair for both in clean_pairs for pair in both)
     rule = rule_for(asked, len(quartets), same_seeds=same_seeds, changed=changed)
-    return Finding(allowance, judge_rise(quartets, allowance, rule=rule), rule, len(quartets), changed)
+    verdict = judge_rise(quartets, allowance, rule=rule)
+    problem = below_floor(quartets) if verdict == "inconclusive" else ""
+    return Finding(allowance, verdict, rule, len(quartets), changed, problem)
 
 
 def _clean_sentence(setting: str) -> str:

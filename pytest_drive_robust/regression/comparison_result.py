@@ -46,7 +46,9 @@ class Flip:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"`, or `"error"` with the reason in `problem`.
+    """The verdict on one allowance: `"pass"`, `"fail"`, `"inconclusive"` or `"error"`.
+
+    `problem` says why nothing was judged (an error), or why an inconclusive rise of RD cannot pass.
 
     `rule` is the rule that judged the scores of `routes` routes, of which `changed` routes have other scores than
     before; for RD the clean scores count too. `rule` is empty and the counts are 0 when nothing was judged.
@@ -157,7 +159,7 @@ class Comparison:
     def unjudged(self) -> tuple[str, ...]:
         """`"AGENT under SETTING: REASON"` for each setting that could not be judged."""
         errors = (
-            f"{cell.name}: {next(item.problem for item in cell.findings if item.problem)}"
+            f"{cell.name}: {next(item.problem for item in cell.findings if item.verdict == 'error')}"
             for cell in self.cells
             if cell.verdict == "error"
         )

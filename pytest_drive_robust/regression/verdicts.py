@@ -26,6 +26,7 @@ from pytest_drive_robust.stats.evidence import (
 )
 from pytest_drive_robust.stats.intervals import jackknife_interval
 from pytest_drive_robust.stats.judges import judge_by, read_until_decided
+from pytest_drive_robust.verdict.explain import why_rd_says_nothing
 
 _Sums = tuple[float, float, float, float]
 
@@ -140,9 +141,13 @@ def judge_rise(routes: Sequence[Quartet], allowance: Allowance, *, rule: str = "
     time is not considered.
     """
     decision = _decide_rise(routes, allowance, rule=rule)
-    floor = VerdictRule().clean_floor
-    unsure = min(fmean(route.clean_before for route in routes), fmean(route.clean_after for route in routes)) < floor
-    return "inconclusive" if unsure and decision == "pass" else decision
+    return "inconclusive" if below_floor(routes) and decision == "pass" else decision
+
+
+def below_floor(routes: Sequence[Quartet]) -> str:
+    """Return why a rise of RD cannot pass: a mean clean score below the floor; an empty string when it can."""
+    means = fmean(route.clean_before for route in routes), fmean(route.clean_after for route in routes)
+    return why_rd_says_nothing(min(means), VerdictRule().clean_floor)
 
 
 def _decide_rise(routes: Sequence[Quartet], allowance: Allowance, *, rule: str) -> Decision:

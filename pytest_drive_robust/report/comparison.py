@@ -108,7 +108,7 @@ def _row(cell: CellComparison) -> tuple[str, ...]:
 def _stories(comparison: Comparison) -> Iterator[str]:
     """Yield the lines that explain each verdict other than a pass, and each flip."""
     for cell in comparison.cells:
-        broken = [item for item in cell.findings if item.verdict in ("fail", "error") or item.is_open]
+        broken = [item for item in cell.findings if item.verdict in ("fail", "error") or item.is_open or item.problem]
         if not broken and not cell.flips:
             continue
         with_clean = max(item.changed for item in cell.findings)
@@ -116,7 +116,10 @@ def _stories(comparison: Comparison) -> Iterator[str]:
         yield f"{cell.name}: {cell.changed} of {counted(cell.routes, 'route')} changed{clean}"
         if (rise := cell.rise) is not None:
             yield f"  RD {_change(rise)}"
-        yield from (f"  {_finding(cell, finding)}" for finding in broken)
+        for finding in broken:
+            yield f"  {_finding(cell, finding)}"
+            if finding.verdict == "inconclusive" and finding.problem:
+                yield f"    {finding.problem}"
         failing = [flip for flip in cell.flips if flip.fails]
         passing = [flip for flip in cell.flips if not flip.fails]
         yield from _flips(cell, failing, most=_MOST_FAILING)
@@ -146,7 +149,7 @@ def _finding(cell: CellComparison, finding: Finding) -> str:
         change += f" ({beside(after - before, worst, sign='+')})"
     elif before > 0.0:
         change += f" ({beside(100.0 * (after / before - 1.0), 100.0 * worst, decimals=1, sign='+')} %)"
-    words = {"fail": "broken", "inconclusive": "neither shown nor ruled out"}
+    words = {"fail": "broken", "inconclusive": "left open" if finding.problem else "neither shown nor ruled out"}
     return f"{words[finding.verdict]}: {allowance.sentence}; {change} on {counted(finding.routes, 'route')}"
 
 

@@ -24,7 +24,7 @@ from pytest_drive_robust.stats.intervals import (
     ratio_interval,
     share_interval,
 )
-from pytest_drive_robust.verdict.explain import WorstRoute, Yardstick, worst_routes
+from pytest_drive_robust.verdict.explain import WorstRoute, Yardstick, why_rd_says_nothing, worst_routes
 from pytest_drive_robust.verdict.requirement import Requirement
 from pytest_drive_robust.verdict.touched import require_touched
 
@@ -173,16 +173,11 @@ def _after_reading(
 
 
 def _below_floor(metric: Metric, clean: Sequence[EpisodeResult], verdict_rule: VerdictRule) -> str:
-    """Return why an RD shows nothing, or an empty string: an agent that hardly drives has little to lose."""
+    """Return why a pass of an RD shows nothing, or an empty string."""
     if not metric.needs_clean:
         return ""
     scores = values_by_route(clean, driving_score).values()
-    mean = math.fsum(scores) / len(scores)
-    if mean >= verdict_rule.clean_floor:
-        return ""
-    return (
-        f"the clean driving score is {mean:.1f}, below the floor of {verdict_rule.clean_floor:g}: RD says nothing yet"
-    )
+    return why_rd_says_nothing(math.fsum(scores) / len(scores), verdict_rule.clean_floor)
 
 
 def measure(

@@ -151,6 +151,13 @@ def describe_outcome(result: EpisodeResult) -> str:
     return f"{first}, {end}" if first else end
 
 
+def why_rd_says_nothing(clean_score: float, floor: float) -> str:
+    """Return why an RD says nothing, or an empty string: an agent that hardly drives has little to lose."""
+    if clean_score >= floor:
+        return ""
+    return f"the clean driving score is {clean_score:.1f}, below the floor of {floor:g}: RD says nothing yet"
+
+
 def infraction_s(item: Infraction, dt_s: float) -> float | None:
     """Return when an infraction happened, in seconds from the start, or None when unknown (tick 0).
 

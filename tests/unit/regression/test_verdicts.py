@@ -11,6 +11,7 @@ from snapshot_factory import cell, snapshot
 
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.verdicts import Quartet, judge_drop, judge_rise, rise_of
 from pytest_drive_robust.report.comparison import comparison_text
 
@@ -182,6 +183,17 @@ def test_a_comparison_says_what_rd_rose_by_and_what_the_mean_did() -> None:
     assert "  RD 0.000 -> 0.121 (+0.121, 95 % " in text
     assert "driver: mean RD of 2 settings 0.250 -> 0.061 (-0.189, 95 % " in text
     assert comparison.mean_rises["driver"].routes == 4
+
+
+@pytest.mark.parametrize("last", [50.0, 60.0])
+def test_a_rise_that_a_low_clean_score_leaves_open_says_so(last: float) -> None:
+    clean, noisy = cell([20.0, 10.0, 30.0, 50.0]), [18.0, 9.0, 27.0]
+    before, after = (snapshot(clean, cell([*noisy, score], setting="GPS noise 5 m")) for score in (50.0, last))
+    terms = Terms(parse_allowances(["rd:+0.05"], source="test"))
+    text = comparison_text(compare(before, after, terms), colour=False)
+    assert "  left open: RD rises by 0.05 at most; " in text
+    assert "    the clean driving score is 27.5, below the floor of 30: RD says nothing yet" in text
+    assert "neither shown nor ruled out" not in text
 
 
 def test_of_two_runs_without_any_change_nothing_is_said() -> None:
