@@ -61,6 +61,7 @@ def _headline(verdict: Verdict) -> list[str]:
     if verdict.routes < verdict.planned:
         routes = f"{verdict.routes} of {counted(verdict.planned, 'route')}"
     counts = f"{routes} x {counted(verdict.seeds, 'seed')}"
+    counts += f", {verdict.without_data} without data" if verdict.without_data else ""
     line = f"{what}{value}   ({interval}, {counts})"
     if len(line) <= WIDTH:
         return [line]
@@ -89,7 +90,8 @@ def _promise(verdict: Verdict) -> list[str]:
             "  Holm's procedure decides when all of them are judged: see the end of the run",
         ]
     if verdict.decision == "inconclusive":
-        return [f"  open: neither {broken} nor {held} is shown by {counted(verdict.routes, 'route')}"]
+        told = counted(verdict.routes - verdict.without_data, "route") + (" with data" if verdict.without_data else "")
+        return [f"  open: neither {broken} nor {held} is shown by {told}"]
     claim = broken if verdict.decision == "fail" else held
     said = shown_by_evidence(claim, verdict.decision, alpha=verdict_rule.alpha, family=verdict_rule.family)
     return [f"  shown: {said}"]

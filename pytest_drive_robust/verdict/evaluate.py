@@ -45,6 +45,7 @@ class Verdict:
     or alpha a side of the rule when evidence was read; both hold after an early stop. An end is infinite where one
     route or an unsure clean score gives no bound. `p_value` tests "the requirement holds"; None unless evidence was
     read. `clean` is None when no clean episode was given. `worst` holds at most three routes, for people.
+    `without_data` counts the `routes` that hold no data for the metric: value and interval are those of the others.
     """
 
     requirement: Requirement
@@ -63,6 +64,7 @@ class Verdict:
     perturbed: Summary
     worst: tuple[WorstRoute, ...]
     p_value: float | None = None
+    without_data: int = 0
 
     @property
     def passed(self) -> bool:
@@ -104,13 +106,13 @@ def evaluate(
     _require_episodes_for(requirement, agent, clean=clean, perturbed=perturbed)
     value, (low, high) = measure(metric, clean=clean, perturbed=perturbed, mode=mode)
     routes = len({result.episode.route_id for result in perturbed})
+    by_route = None if metric.function is not None else metric.by_route(perturbed, clean=clean, mode=mode)
     p_value = None
     if decision is None or verdict_rule is None:
         # Without reading route by route, no error rate can be promised.
         verdict_rule = replace(verdict_rule or VerdictRule(), kind="point")
         decision = "pass" if requirement.is_met_by(value) else "fail"
-    elif not (ended := planned is None or routes >= planned) or verdict_rule.kind == "evidence":
-        by_route = metric.by_route(perturbed, clean=clean, mode=mode)
+    elif by_route and (not (ended := planned is None or routes >= planned) or verdict_rule.kind == "evidence"):
         (low, high), p_value = _after_reading(requirement, verdict_rule, *by_route, ended=ended)
     reason = _below_floor(metric, clean, verdict_rule)
     decision = "inconclusive" if reason and decision == "pass" else decision
@@ -134,6 +136,7 @@ def evaluate(
         perturbed=summarize(perturbed, mode=mode),
         worst=worst_routes(clean, perturbed, relative=metric.needs_clean, yardstick=yardstick),
         p_value=p_value,
+        without_data=routes - len(by_route[0]) if by_route else 0,
     )
 
 

@@ -158,6 +158,16 @@ def test_a_privileged_agent_is_said_to_be_one():
     assert "driver is privileged" in text_of(requirement("RD", LATENCY) <= 0.1, CLEAN, PERTURBED, privileged=True)
 
 
+@pytest.mark.parametrize("decision", ["fail", "inconclusive"])
+def test_routes_without_data_are_told_apart_from_those_behind_the_value(decision):
+    driven = [make_result(str(number), speed_ratios_pct=[40.0] if number % 4 else []) for number in range(24)]
+    wanted, rule = requirement("efficiency") >= 50, VerdictRule("evidence")
+    verdict = evaluate(wanted, agent="driver", clean=[], perturbed=driven, verdict_rule=rule, decision=decision)
+    text = failure_text(verdict, RunOptions(), routes_spec="dev10", privileged=False)
+    assert ", 24 routes x 1 seed, 6 without data)" in text
+    assert ("is shown by 18 routes with data" in text) == (decision == "inconclusive")
+
+
 def test_one_route_is_no_interval():
     text = text_of(requirement("RD", LATENCY) <= 0.1, CLEAN[:1], PERTURBED[:1])
     assert "(95 % interval unknown, 1 route x 1 seed)" in text
