@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pytest_drive_robust.report.numbers import counted, interval_text
+from pytest_drive_robust.report.numbers import beside, counted, interval_text
 from pytest_drive_robust.verdict.evaluate import Verdict
 
 _DECIMALS = 9
@@ -36,7 +36,8 @@ class Estimate(float):
     def __repr__(self) -> str:
         interval = interval_text(self.metric, self.low, self.high)
         short, exact = f"{float(self):.2f}", f"{float(self):.4f}"  # 0.3004 <= 0.3 fails, which "0.30 <= 0.3" hides
+        value = exact if float(exact) != float(short) else beside(self, float(short))  # 0.30001 takes five
         return (
-            f"{short if float(exact) == float(short) else exact} ({self.metric} under {self.setting}, {interval}, "
+            f"{value} ({self.metric} under {self.setting}, {interval}, "
             f"{counted(self.routes, 'route')} x {counted(self.seeds, 'seed')})"
         )
