@@ -9,7 +9,8 @@ from pathlib import Path
 from pytest_drive_robust.perturbations.readings import READINGS
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.numbers import counted, ends_text, legible, shown, shown_beside
+from pytest_drive_robust.report.numbers import counted, ends_text, in_percent, legible, shown, shown_beside
+from pytest_drive_robust.report.promise import confidence
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.report.terminal import columns_of, footnotes, rows_of
 from pytest_drive_robust.store.events import Judged
@@ -40,7 +41,8 @@ def step_summary(run: RunResult, comparison: Comparison | None = None) -> str:
         return ""
     parts = [f"## drive-robust: {_headline(run)}"]
     if run.judged:
-        parts.append(_table(_VERDICT_HEADS, map(_verdict, run.judged)))
+        alpha = run.options.verdict_rule.alpha
+        parts.append(_table(_VERDICT_HEADS, (_verdict(judged, alpha) for judged in run.judged)))
     reasons = [f"- {_cell(item.requirement)}: {_cell(item.message)}" for item in run.judged if item.message]
     parts += ["\n".join(reasons)] if reasons else []
     parts += [] if comparison is None else _compared(comparison)
@@ -73,12 +75,14 @@ def _headline(run: RunResult) -> str:
     return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")
 
 
-def _verdict(judged: Judged) -> tuple[str, ...]:
+def _verdict(judged: Judged, alpha: float) -> tuple[str, ...]:
+    """Return the row of a verdict; the interval tells its level, which depends on the rule."""
     interval = "-"
     if judged.low is not None and judged.high is not None:
         give = judged.margin or 0.0
         lenient = judged.limit + give if judged.comparison == "<=" else judged.limit - give
-        interval = ends_text(judged.metric, judged.low, judged.high, judged.limit, lenient)
+        ends = ends_text(judged.metric, judged.low, judged.high, judged.limit, lenient)
+        interval = f"{ends} ({in_percent(confidence(judged.rule, alpha))} %)"
     routes = f"{judged.routes} of {judged.planned}" if judged.routes < judged.planned else str(judged.routes)
     return (
         judged.requirement,

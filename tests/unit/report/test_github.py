@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.report.github import VARIABLE, append_step_summary, step_summary
 from pytest_drive_robust.report.run_result import RunResult, SettingRow
@@ -26,6 +27,7 @@ WILD = Judged(
     high=0.5,
     routes=14,
     planned=220,
+    rule="evidence",
     message="neither\nthe one | nor the other",
 )
 
@@ -37,7 +39,7 @@ def run_of(*judged: Judged) -> RunResult:
 def test_pipes_tags_stars_and_line_breaks_stay_within_their_cell() -> None:
     lines = step_summary(run_of(WILD)).splitlines()
     assert lines[0] == "## drive-robust: 0 of 1 requirements hold, 1 inconclusive"
-    row = r"| RD under wild \| failure &lt;b&gt; | star\* | 0.34 | 0.20 to 0.50 | 14 of 220 | inconclusive |"
+    row = r"| RD under wild \| failure &lt;b&gt; | star\* | 0.34 | 0.20 to 0.50 (90 %) | 14 of 220 | inconclusive |"
     assert row in lines
     assert r"- RD under wild \| failure &lt;b&gt;: neither the one \| nor the other" in lines
 
@@ -56,7 +58,14 @@ def test_a_value_is_not_rounded_to_the_limit_of_its_requirement() -> None:
 
 def test_an_interval_is_not_rounded_to_the_limit_or_the_limit_with_its_margin() -> None:
     close = replace(WILD, low=0.2996, high=0.4003, margin=0.1)
-    assert "| 0.34 | 0.2996 to 0.4003 |" in step_summary(run_of(close))
+    assert "| 0.34 | 0.2996 to 0.4003 (90 %) |" in step_summary(run_of(close))
+
+
+def test_an_interval_tells_its_level_which_is_that_of_its_rule() -> None:
+    run = run_of(WILD, replace(WILD, rule="list"))
+    run = replace(run, options=RunOptions(verdict_rule=VerdictRule("auto", alpha=0.01)))
+    ends = [line.split(" | ")[3] for line in step_summary(run).splitlines() if line.startswith("| RD under wild")]
+    assert ends == ["0.20 to 0.50 (98 %)", "0.20 to 0.50 (95 %)"]
 
 
 def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
