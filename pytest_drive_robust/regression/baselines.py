@@ -25,8 +25,8 @@ SCHEMA = 1
 """The version of the file format. Increase it when a key changes its meaning or goes away."""
 Place = tuple[str, str, str]
 """(simulator, setting, route id): the key of a blessed score."""
-_ELSEWHERE = ("route_id", "fingerprint")
-"""The fields of a score that its place and its blessing already hold."""
+_ELSEWHERE = ("route_id", "fingerprint", "ds_of_seeds")
+"""The fields of a score that its place and its blessing already hold, and the scores of single seeds."""
 
 
 @dataclass(frozen=True, slots=True)

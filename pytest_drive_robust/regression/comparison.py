@@ -90,10 +90,7 @@ def _compared(before: Snapshot, after: Snapshot, cells: tuple[Cell, Cell], terms
     old, new = cells
     pairs = pairs_of(old, new)
     clean_pairs = _clean_pairs(before, after, cells, pairs)
-    quartets = tuple(
-        Quartet(now.route_id, clean_was.ds, was.ds, clean_now.ds, now.ds)
-        for (was, now), (clean_was, clean_now) in clean_pairs
-    )
+    quartets = tuple(_quartet(*both) for both in clean_pairs)
     return CellComparison(
         agent=new.agent,
         agent_before=old.agent,
@@ -138,6 +135,12 @@ def _clean_pairs(
         for was, now in pairs
         if (route := now.route_id) in clean_old.routes and route in clean_new.routes
     ]
+
+
+def _quartet(pair: Pair, clean_pair: Pair) -> Quartet:
+    (was, now), (clean_was, clean_now) = pair, clean_pair
+    (before, clean_before), (after, clean_after) = was.paired_with(clean_was), now.paired_with(clean_now)
+    return Quartet(now.route_id, clean_before, before, clean_after, after)
 
 
 def _finding(

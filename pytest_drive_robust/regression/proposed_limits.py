@@ -132,7 +132,7 @@ def _pairs_in_order(cell: Cell, clean: Mapping[str, RouteScore]) -> list[tuple[f
     """
     routes = [route for route in cell.routes if route in clean]
     order = planned_order(routes, [cell.routes[route].scenario for route in routes], cell.agent)
-    return [(cell.routes[route].ds, clean[route].ds) for route in order]
+    return [cell.routes[route].paired_with(clean[route]) for route in order]
 
 
 def _is_passed(requirement: Requirement, pairs: Sequence[tuple[float, float]], rule: VerdictRule) -> bool:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from statistics import fmean
 
 from pytest_drive_robust.regression.clock import minute_text
@@ -28,7 +28,8 @@ class RouteScore:
     """One route of one agent under one setting, the seeds averaged: `ds` 0..100, `sr` 0..1.
 
     `outcome` and `worst_seed` are those of the seed with the lowest driving score. `digest` is the digest of the
-    route's content, empty when not recorded. `fingerprint` says with what the route was driven.
+    route's content, empty when not recorded. `fingerprint` says with what the route was driven. `ds_of_seeds` are the
+    driving scores of `seeds`, one each, empty when not recorded.
     """
 
     route_id: str
@@ -40,6 +41,7 @@ class RouteScore:
     outcome: str
     digest: str
     fingerprint: Fingerprint
+    ds_of_seeds: tuple[float, ...] = field(default=(), compare=False)
 
     @classmethod
     def of(
@@ -47,17 +49,32 @@ class RouteScore:
     ) -> RouteScore:
         """Return the score of a route as the mean over its episodes, at least one."""
         worst = min(taken, key=lambda item: (item.ds, item.seed))
+        by_seed = sorted(taken, key=lambda item: item.seed)
         return cls(
             route_id=route_id,
             scenario=scenario,
             ds=fmean(item.ds for item in taken),
             sr=fmean(item.success for item in taken),
-            seeds=tuple(sorted(item.seed for item in taken)),
+            seeds=tuple(item.seed for item in by_seed),
             worst_seed=worst.seed,
             outcome=worst.outcome,
             digest=digest,
             fingerprint=fingerprint,
+            ds_of_seeds=tuple(item.ds for item in by_seed),
         )
+
+    def paired_with(self, clean: RouteScore) -> tuple[float, float]:
+        """Return the driving score and that of the clean drive of the route, over the seeds that both have.
+
+        Tests may drive a setting and its clean twin with more seeds than those of an RD. Where the scores of the seeds
+        were not recorded, all seeds count.
+        """
+        both = {*self.seeds} & {*clean.seeds}
+        return self._ds_over(both), clean._ds_over(both)
+
+    def _ds_over(self, seeds: Collection[int]) -> float:
+        known = [ds for seed, ds in zip(self.seeds, self.ds_of_seeds, strict=False) if seed in seeds]
+        return fmean(known) if known else self.ds
 
     @property
     def succeeds(self) -> bool:

@@ -14,7 +14,7 @@ from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import AgentPrint
-from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Taken
+from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.stats import gate
 
@@ -195,6 +195,20 @@ def test_an_rd_whose_clean_scores_are_of_other_seeds_is_evidence() -> None:
     old, new = snapshot(cell([90.0] * 10), weak), snapshot(cell([90.0] * 10, seed=1), weak)
     (finding,) = compare(old, new, terms("rd:+0.05")).cells[1].findings
     assert (finding.rule, finding.verdict) == ("evidence", "inconclusive")
+
+
+def test_an_rd_is_paired_by_seed_where_its_clean_setting_was_driven_with_more_of_them() -> None:
+    def run_of(kept: float) -> Snapshot:
+        cells = []
+        for setting, scores in (("clean", (80.0, 20.0)), ("200 ms latency", (80.0 * kept,))):
+            taken = [Taken(seed, ds, False, "stuck") for seed, ds in enumerate(scores)]
+            score = RouteScore.of("1", "Accident", taken, digest="d0", fingerprint=PRINT)
+            cells.append(Cell("driver", setting, "routes.xml", {"1": score}))
+        return snapshot(*cells)
+
+    found = compare(run_of(1.0), run_of(0.9), terms("rd:+0.05")).cells[1]
+    assert (found.before.rd, found.after.rd) == (0.0, pytest.approx(0.1))
+    assert found.verdict == "fail"
 
 
 def test_a_success_that_was_lost_without_a_change_of_its_driving_score_is_a_change() -> None:
