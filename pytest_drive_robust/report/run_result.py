@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from pytest_drive_robust.arithmetic.signals import mean
@@ -154,20 +154,28 @@ def row_labels(rows: Sequence[tuple[str, str, Sequence[int]]]) -> list[str]:
 
     >>> row_labels([("clean", "suites/night.xml", [0]), ("clean", "dev10", [0])])
     ['clean on night.xml', 'clean on dev10']
+    >>> row_labels([("clean", "day/routes.xml", [0]), ("clean", "night/routes.xml", [0])])
+    ['clean on day/routes.xml', 'clean on night/routes.xml']
     """
-    several_routes = len({spec for _, spec, _ in rows}) > 1
+    short = _short({spec for _, spec, _ in rows})
     several_seeds = len({tuple(seeds) for _, _, seeds in rows}) > 1
     return [
         setting
-        + (f" on {_short(spec)}" if several_routes else "")
+        + (f" on {short[spec]}" if len(short) > 1 else "")
         + (f", seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}" if several_seeds else "")
         for setting, spec, seeds in rows
     ]
 
 
-def _short(routes_spec: str) -> str:
-    """Return a file name without its folder, which is usually the same for all files."""
-    return routes_spec.replace("\\", "/").rsplit("/", 1)[-1]
+def _short(routes_specs: Collection[str]) -> dict[str, str]:
+    """Return each specification as a file name, with as many of its folders as tell it from the others."""
+    parts = {spec: spec.replace("\\", "/").split("/") for spec in routes_specs}
+    short = {}
+    for spec, own in parts.items():
+        counts = range(1, len(own))
+        enough = (count for count in counts if sum(other[-count:] == own[-count:] for other in parts.values()) == 1)
+        short[spec] = "/".join(own[-next(enough, len(own)) :])
+    return short
 
 
 def mixed_machines(run: RunResult) -> list[str]:

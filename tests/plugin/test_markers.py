@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from report_pages import data_of
 from suite_runs import run
+
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
+from pytest_drive_robust.testing import fake_route
 
 
 def test_a_marker_pins_agent_seeds_and_routes(suite, driven):
@@ -107,3 +111,24 @@ def test_not_run(drive):
     drive.check(requirement("DS") >= 1)
 """
     run(suite("DS under clean >= 90", test=test)).assert_outcomes(passed=1, **{outcome: 1})
+
+
+def test_route_files_of_one_name_are_told_apart_by_their_folders(suite):
+    """In the overview's table of one metric, a row of an equal label would hide the other."""
+    test = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.parametrize("folder", [pytest.param(name, marks=pytest.mark.drive_robust(routes=f"{name}/routes.xml"))
+                                    for name in ("day", "night")])
+def test_it(drive, folder):
+    drive.check(requirement("DS") >= 1)
+"""
+    folder = suite(test=test)
+    for name, route_id in (("day", "11"), ("night", "12")):
+        (folder.path / name).mkdir()
+        save_routes([fake_route(route_id)], folder.path / name / "routes.xml")
+    result = run(folder, "--drive-report", "look")
+    result.stdout.fnmatch_lines(["steady  clean on day/routes.xml *", "steady  clean on night/routes.xml *"])
+    labels = [row["label"] for row in data_of(folder.path / "look")["rows"]]
+    assert labels == ["clean on day/routes.xml", "clean on night/routes.xml"]
