@@ -46,6 +46,16 @@ def test_a_folder_that_cannot_be_written_is_refused_before_anything_ran(suite, d
     assert driven() == []
 
 
+def test_other_outputs_of_the_run_may_lie_in_the_folder(suite):
+    folder = suite("DS under clean >= 1")
+    (folder.path / "look").mkdir()
+    for _ in range(2):
+        result = run(folder, "--drive-report", "look", "--drive-json", "look/run.json", "--junitxml", "look/tests.xml")
+        assert result.ret == 0
+        result.stdout.fnmatch_lines(["report: look?index.html"])
+        assert {"index.html", "run.json", "tests.xml"} <= {path.name for path in (folder.path / "look").iterdir()}
+
+
 def test_a_report_that_cannot_be_written_is_named_and_the_run_is_not_green(suite):
     folder = suite("DS under clean >= 1")
     (folder.path / "look").mkdir()
@@ -53,7 +63,7 @@ def test_a_report_that_cannot_be_written_is_named_and_the_run_is_not_green(suite
     conftest.write_text(
         conftest.read_text()
         + "\n\ndef pytest_runtest_teardown(item):\n"
-        + "    Path(__file__).with_name('look').joinpath('notes.txt').write_text('mine')\n"
+        + "    Path(__file__).with_name('look').joinpath('index.html').write_text('mine')\n"
     )
     result = run(folder, "--drive-report", "look")
     assert result.ret == 1

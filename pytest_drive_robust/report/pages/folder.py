@@ -31,11 +31,16 @@ _SAYS = "A report of pytest-drive-robust: open index.html. The next report that 
 _MOST_NAMED = 3
 
 
-def check_folder(folder: Path, *, source: str) -> None:
-    """Raise `UsageError`, naming `source`, for a file, or for a folder that holds other things than a report."""
+def check_folder(folder: Path, *, source: str, has_begun: bool = False) -> None:
+    """Raise `UsageError`, naming `source`, for a file, or for a folder that holds other things than a report.
+
+    Once the run `has_begun`, its other outputs (`--junitxml`, `--drive-json`) may lie there, and only what the report
+    would replace counts.
+    """
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{source} is {str(folder)!r}, which is a file; expected a folder, as in {source} report.")
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).is_file():
+    others = [item.name for item in folder.iterdir()] if folder.is_dir() else []
+    if MARK not in others and (set(others) & set(_PARTS) if has_begun else others):
         raise UsageError(
             f"{source} is {str(folder)!r}, which holds other things. Expected a new folder, an empty one, or an "
             f"earlier report, as in {source} {str(folder / 'report')!r}."
@@ -58,7 +63,7 @@ def write_pages(
     `films` are videos of `drive-robust replay`, matched to episodes by their names (`film_name`). Raises `UsageError`
     for an unusable folder or a film inside `folder`, `OSError` when writing fails.
     """
-    check_folder(folder, source="the folder of the report")
+    check_folder(folder, source="the folder of the report", has_begun=True)
     films = tuple(films)
     inside = [film for film in films if film.resolve().is_relative_to(folder.resolve())]
     if inside:
