@@ -67,6 +67,7 @@ class CollectionPlugin:
             config.stash[DRIVE_CONTEXT] = context
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
+        note_problem(config, "", lambda: self._checks.check_routes(self._scopes.values()))
         whole = all(map(requirements_of, driving))  # a test without a parameter names its requirement in its body
         note_problem(
             config, "", lambda: self._checks.check_plan(self.requests.values(), scopes=context.scopes, whole=whole)

@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import DriveRobustError, UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.regression.comparison import compare
@@ -18,7 +19,7 @@ from pytest_drive_robust.regression.snapshot import Snapshot
 from pytest_drive_robust.regression.waivers import Waivers
 from pytest_drive_robust.report.comparison import comparison_text
 from pytest_drive_robust.report.run_result import RunResult
-from pytest_drive_robust.runner.plan import EpisodeRequest
+from pytest_drive_robust.runner.plan import EpisodeRequest, Scope
 from pytest_drive_robust.runner.scopes import Scopes
 from pytest_drive_robust.store.events import Judged
 
@@ -34,6 +35,8 @@ class RegressionChecks:
         self._regression = regression
         self._waivers = waivers
         self._simulator, self._stuck_stop_s = options.simulator, options.stuck_stop_s
+        by_id = regression.drives_all or options.report_path is not None
+        self._knows_routes_by_id = by_id and not options.is_external  # results may lack what a route file tells
         self._here = Path.cwd()  # a test may change the current folder
         self._references = References(regression.home, regression.baselines)
         open_fails = options.inconclusive == "fail"
@@ -55,6 +58,19 @@ class RegressionChecks:
 
             check_planned_run(self._before, requests, whole=whole, driven_with=driven_with, terms=self._terms)
 
+    def check_routes(self, scopes: Iterable[Scope]) -> None:
+        """Raise `UsageError` for two routes of one id in a run that is to be stored, compared or shown in pages."""
+        found: dict[str, tuple[Route, str]] = {}
+        for scope in scopes if self._knows_routes_by_id else ():
+            for route in scope.routes:
+                other, spec = found.setdefault(route.id, (route, scope.routes_spec))
+                if other != route:
+                    raise UsageError(
+                        f"{spec} and {scope.routes_spec} use the id {route.id!r} for two routes. Stored runs, "
+                        "comparisons and pages know routes by their ids: give the routes of one file other ids, or "
+                        "drive the files in two runs."
+                    )
+
     def finish(self, run: RunResult, document_of_run: Callable[[], Mapping[str, object]], *, whole: bool) -> bool:
         """Review the waivers, compare and store the run; return True when the run must not be green.
 
@@ -70,7 +86,7 @@ class RegressionChecks:
         document = document_of_run()
         worse = self._before is not None and self._compare(self._before, document)
         if self._regression.save:
-            red = self._store(document, complete=_is_complete(document), worse=worse) or red
+            red = self._store(document, worse=worse) or red
         return red or worse
 
     def sections(self, *, colour: bool, width: int) -> list[tuple[str, str]]:
@@ -98,9 +114,14 @@ class RegressionChecks:
             )
         return before
 
-    def _store(self, document: Mapping[str, object], *, complete: bool, worse: bool) -> bool:
+    def _store(self, document: Mapping[str, object], *, worse: bool) -> bool:
         """Store the run; return True when the run could not be stored. `worse` says that the comparison was red."""
         name = self._regression.save
+        try:
+            complete = snapshot_of(document, label="this run").is_complete
+        except UsageError as error:  # two routes share an id, and tests that no plan knows asked for them
+            self._lines.append(f"ERROR: the run was not stored: {error}")
+            return True
         if not complete and self._holds_complete(name):
             self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
             return True
@@ -150,10 +171,3 @@ class RegressionChecks:
             self._lines.append(f"ERROR: not compared with {before.label}: {error}")
             return True
         return bool(self.comparison.refusals) or self.comparison.regressed
-
-
-def _is_complete(document: Mapping[str, object]) -> bool:
-    try:
-        return snapshot_of(document, label="this run").is_complete
-    except UsageError:  # two routes share an id: the comparison reports that
-        return True

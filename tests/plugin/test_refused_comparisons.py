@@ -103,6 +103,50 @@ def test_fewer_routes_than_before_are_refused(suite, driven, workers):
     )
 
 
+ONE_ID = """
+import pytest
+from pytest_drive_robust import requirement
+
+@pytest.mark.drive_robust(routes="day.xml")
+def test_day({fixture}):
+    {drive}.check(requirement("DS") >= 1)
+
+@pytest.mark.drive_robust(agent="{agent}", routes="night.xml")
+def test_night({fixture}):
+    {drive}.check(requirement("DS") >= 1)
+"""
+
+
+def one_id(suite, *, fixture="drive", drive="drive", agent="seer"):
+    """Two tests, each with a route file of its own; both files have a route 1, but not the same."""
+    folder = suite(test=ONE_ID.format(fixture=fixture, drive=drive, agent=agent))
+    for name, length_m in (("day", 9.0), ("night", 12.0)):
+        save_routes([fake_route("1", length_m=length_m)], folder.path / f"{name}.xml")
+    return folder
+
+
+@processes
+@pytest.mark.parametrize("option", ["--drive-save", "--drive-compare=before", "--drive-report=look"])
+def test_two_routes_of_one_id_are_refused_where_ids_tell_routes_apart(suite, driven, workers, option):
+    run(suite(ALSO), "--drive-save=before")
+    told = refused(one_id(suite), driven, option, *workers)
+    assert "ERROR: day.xml and night.xml use the id '1' for two routes. Stored runs, comparisons and pages" in told
+
+
+def test_two_routes_of_one_id_are_judged_where_no_id_tells_them_apart(suite):
+    run(one_id(suite), "--drive-json=run.json").assert_outcomes(passed=2)
+
+
+def test_two_routes_of_one_id_that_no_plan_shows_are_not_stored(suite):
+    folder = one_id(suite, fixture="request", drive='request.getfixturevalue("drive")', agent="steady")
+    result = run(folder, "--drive-save=before")
+    assert result.ret == 1
+    result.stdout.fnmatch_lines(
+        ["ERROR: the run was not stored: the run 'this run' holds two routes with the id '1' *"]
+    )
+    assert not (folder.path / ".drive-robust" / "runs" / "before.json").exists()
+
+
 def test_another_time_of_standing_is_refused(suite, driven):
     folder = suite(HOLDS)
     run(folder, "--drive-save=before")
