@@ -96,8 +96,8 @@ class StoredRuns:
         return path
 
     def names(self) -> list[str]:
-        """Return the names of all stored runs, the oldest first."""
-        return [path.stem for path in sorted(self.path.glob("*.json"), key=_age)]
+        """Return the names of all stored runs, the oldest first; a link that leads nowhere is none."""
+        return [path.stem for path in sorted(filter(Path.is_file, self.path.glob("*.json")), key=_age)]
 
     def find(self, name: str) -> Path:
         """Return the file of a stored run; `"latest"` is the newest run. Raises `UnknownNameError`."""

@@ -39,3 +39,13 @@ def test_runs_are_listed_with_their_size_the_oldest_first(capsys: pytest.Capture
     assert "+" not in lines[1]  # the zone of the clock
     assert "torn.json' is not valid JSON" in lines[5]
     assert lines[6].endswith("void.json' is damaged: settings lacks 'simulator'.")
+
+
+def test_a_link_to_a_run_that_is_gone_and_a_folder_are_no_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    folder = store_run("before").parent
+    store_run("after")
+    (folder / "gone.json").symlink_to("nowhere.json")
+    (folder / "folder.json").mkdir()
+    assert main(["runs", "list"]) == 0
+    assert [line.split()[0] for line in capsys.readouterr().out.splitlines()] == ["name", "before", "after"]
+    assert main(["compare", "before", "latest"]) == 0
