@@ -28,7 +28,8 @@ class RegressionChecks:
     """Checks a finished run. Built before driving, so that a missing reference run costs no episode.
 
     Raises `UsageError` for a missing reference run, and for one of another simulator unless the options allow that.
-    `comparison` is None until `finish` has compared the run, and stays None when there is no reference.
+    `comparison` is None until `finish` has compared the run, and stays None when there is no reference. `problems` are
+    the reasons of `finish` for which the run was not stored or not compared.
     """
 
     def __init__(self, regression: RegressionOptions, options: RunOptions, waivers: Waivers) -> None:
@@ -46,7 +47,9 @@ class RegressionChecks:
         wanted = self._before is not None and options.report_path is not None
         self.document_before = self._references.document(regression.compare) if wanted else None
         self.comparison: Comparison | None = None
-        self._lines: list[str] = []
+        self.problems: list[str] = []
+        self._reviewed: list[str] = []
+        self._stored: list[str] = []
 
     def check_plan(self, requests: Iterable[EpisodeRequest], *, scopes: Scopes, whole: bool) -> None:
         """Raise `UsageError` when the plan shows that the comparison will be refused. `whole`: the plan is complete."""
@@ -71,13 +74,16 @@ class RegressionChecks:
                         "drive the files in two runs."
                     )
 
-    def finish(self, run: RunResult, document_of_run: Callable[[], Mapping[str, object]], *, whole: bool) -> bool:
-        """Review the waivers, compare and store the run; return True when the run must not be green.
+    def review_waivers(self, run: RunResult, *, whole: bool) -> list[str]:
+        """Return a line for each waiver that the run concerns. `whole` says that every test was selected and ran."""
+        self._reviewed = self._waivers.review(run.judged, whole=whole, open_fails=self._terms.open_fails)
+        return self._reviewed
 
-        `document_of_run` builds the document of the run, which only a comparison and a stored run need. `whole` says
-        that every test was selected and ran.
+    def finish(self, run: RunResult, document_of_run: Callable[[], Mapping[str, object]]) -> bool:
+        """Compare and store the run; return True when the run must not be green.
+
+        `document_of_run` builds the document of the run, which only a comparison and a stored run need.
         """
-        self._lines += self._waivers.review(run.judged, whole=whole, open_fails=self._terms.open_fails)
         if not run.episodes:
             return False  # `RunOutputs` reports a run without episodes
         red = bool(run.late)
@@ -95,8 +101,9 @@ class RegressionChecks:
         if self.comparison is not None:
             title = f"drive-robust: compared with {self.comparison.before.label}"
             told.append((title, comparison_text(self.comparison, colour=colour, width=width)))
-        if self._lines:
-            told.append(("drive-robust: stored runs and waivers", "\n".join(self._lines)))
+        lines = [*self._reviewed, *self.problems, *self._stored]
+        if lines:
+            told.append(("drive-robust: stored runs and waivers", "\n".join(lines)))
         return told
 
     def is_waived(self, judged: Judged) -> bool:
@@ -120,26 +127,26 @@ class RegressionChecks:
         try:
             complete = snapshot_of(document, label="this run").is_complete
         except UsageError as error:  # two routes share an id, and tests that no plan knows asked for them
-            self._lines.append(f"ERROR: the run was not stored: {error}")
+            self.problems.append(f"ERROR: the run was not stored: {error}")
             return True
         if not complete and self._holds_complete(name):
-            self._lines.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
+            self.problems.append(f"not stored: this run is incomplete, so the stored run {name} stays as it was")
             return True
         try:
             path = self._references.runs.save(document, name=name)
         except OSError as error:
-            self._lines.append(f"ERROR: the run was not stored: {error}")
+            self.problems.append(f"ERROR: the run was not stored: {error}")
             return True
         if not complete:
-            self._lines.append(f"stored as {path.stem}, incomplete: run again before you compare with it")
+            self._stored.append(f"stored as {path.stem}, incomplete: run again before you compare with it")
             return False
-        self._lines.append(
+        self._stored.append(
             f"stored as {path.stem}; next: pytest --drive-robust --drive-compare={path.stem} or "
             f"{self._bless(path.stem)}"
         )
         compared = self._regression.compare
         if worse and self._references.takes(compared, path):
-            self._lines.append(
+            self._stored.append(
                 f"warning: the next run with --drive-compare={compared} compares with this run, and so does not show "
                 "this regression again"
             )
@@ -168,6 +175,6 @@ class RegressionChecks:
         try:
             self.comparison = compare(before, snapshot_of(document, label="this run"), self._terms)
         except DriveRobustError as error:
-            self._lines.append(f"ERROR: not compared with {before.label}: {error}")
+            self.problems.append(f"ERROR: not compared with {before.label}: {error}")
             return True
         return bool(self.comparison.refusals) or self.comparison.regressed

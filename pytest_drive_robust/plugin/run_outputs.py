@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
 from typing import TypeVar
@@ -107,11 +107,14 @@ class RunOutputs:
         run = self._run = replace(run, ended_early=ended_early, stopped_tests=stopped, late=tuple(late))
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)
-        document = cache(lambda: run_as_json(run))  # up to three outputs read it, often none
-        red = self._attempt(
-            "the run was not stored or compared",
-            lambda: self._checks.finish(run, document, whole=whole),
-        )
+        review = partial(self._checks.review_waivers, run, whole=whole)
+        waived = self._attempt("the waivers were not reviewed", review)
+        run = replace(run, notes=(*run.notes, *(waived or ())))  # not in the terminal, which has a section for them
+        document = cache(partial(run_as_json, run))  # up to three outputs read it, often none
+        red = self._attempt("the run was not stored or compared", partial(self._checks.finish, run, document))
+        if self._checks.problems:
+            run = replace(run, notes=(*run.notes, *self._checks.problems))
+            document = cache(partial(run_as_json, run))
         compared = self._checks.comparison
         self._write(self._options.json_path, lambda path: write_json(path, document(), compared))
         self._write(self._options.csv_path, lambda path: write_csv(path, run))

@@ -11,6 +11,7 @@ import jsonschema
 import pytest
 from compared_runs import ALSO, EVIDENCE, HOLDS, many_routes, slow_down, stored
 from published_schema import run_schema
+from report_pages import data_of
 from suite_runs import processes, run
 
 from pytest_drive_robust.cli.main import main
@@ -211,6 +212,28 @@ def test_what_a_test_asks_for_in_its_body_is_compared_once_it_is_driven(suite):
     result = run(folder, "--drive-compare=before", "test_body.py", "test_stated.py")
     assert result.ret == 0, "only what the other test asks for is in both runs"
     result.stdout.fnmatch_lines(["no regression in 1 of 2 settings against before: not one score changed"])
+
+
+def test_every_report_says_that_a_run_could_not_be_compared(suite, monkeypatch):
+    folder = suite(HOLDS)
+    run(folder, "--drive-save=before")
+    summary = folder.path / "summary.md"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    folder.makepyfile(
+        test_body="""
+        from pytest_drive_robust import requirement
+
+        def test_it(drive):
+            drive.check(requirement("DS") >= 1)
+        """
+    )
+    result = run(folder, "--drive-compare=before", "test_body.py", "--drive-json=run.json", "--drive-report=look")
+    assert result.ret == 1
+    told = "ERROR: not compared with before: there is nothing to compare: before holds steady under throttle 0.9"
+    result.stdout.fnmatch_lines([f"{told}*"])
+    assert [note.startswith(told) for note in json.loads((folder.path / "run.json").read_text())["notes"]] == [True]
+    assert [note.startswith(told) for note in data_of(folder.path / "look")["notes"]] == [True]
+    assert f"\n- {told}" in summary.read_text()
 
 
 def test_an_inconclusive_comparison_is_red_where_that_was_asked_for(suite):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from datetime import date
 
 import pytest
+from report_pages import data_of
 from suite_runs import processes
 
 from pytest_drive_robust.regression import clock
@@ -71,6 +73,18 @@ def test_a_waived_requirement_that_fails_is_an_xfail_with_owner_and_date(waived,
             "XFAIL *rd-throttle-0.3-le-0.30* - waived by kim until 2999-01-01: new planner",
         ]
     )
+
+
+def test_every_report_says_that_what_is_broken_is_waived(waived, monkeypatch):
+    folder = waived(RED)
+    summary = folder.path / "summary.md"
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    result = run(folder, "--drive-json", "run.json", "--drive-report", "look")
+    told = "waived, 1 failing: RD under throttle 0.3 <= 0.30 of steady (kim until 2999-01-01: new planner)"
+    assert result.outlines.count(told) == 1
+    assert json.loads((folder.path / "run.json").read_text())["notes"] == [told]
+    assert data_of(folder.path / "look")["notes"] == [told]
+    assert f"\n- {told.replace('<', '&lt;')}\n" in summary.read_text()
 
 
 @processes
