@@ -12,8 +12,9 @@ from pytest_drive_robust.errors import ComparisonError
 from pytest_drive_robust.metrics.score import driving_score, is_success
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison
 from pytest_drive_robust.regression.document import SCHEMA, json_text
+from pytest_drive_robust.report.cautions import cautions
 from pytest_drive_robust.report.comparison import conclusion
-from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines
+from pytest_drive_robust.report.run_result import RunResult, SettingRow
 from pytest_drive_robust.store.episode_fields import fields_of
 from pytest_drive_robust.store.whole_file import write_whole
 
@@ -37,7 +38,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "searches": [asdict(searched) for searched in run.searched],
         "summaries": [_row(row) for row in run.rows],
         "episodes": [episode_as_json(key, result) for key, result in run.episodes.items()],
-        "notes": [*mixed_machines(run), *run.notes],
+        "notes": [*cautions(run), *run.notes],
         "ended_early": run.ended_early,
         "stopped_tests": run.stopped_tests,
     }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import platform
-from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -176,20 +175,6 @@ def _short(routes_specs: Collection[str]) -> dict[str, str]:
         enough = (count for count in counts if sum(other[-count:] == own[-count:] for other in parts.values()) == 1)
         short[spec] = "/".join(own[-next(enough, len(own)) :])
     return short
-
-
-def mixed_machines(run: RunResult) -> list[str]:
-    """Return a sentence for each fact of machines (see `runner.episode.machine`) in which the episodes differ."""
-    sentences = []
-    for name, library in MACHINE_FACTS.items():
-        found = Counter(result.versions[name] for result in run.episodes.values() if name in result.versions)
-        if len(found) > 1:
-            shares = ", ".join(f"{count} on {digest}" for digest, count in found.most_common())
-            sentences.append(
-                f"these episodes were driven on machines whose {library} gives different bits ({shares}): scores may "
-                "differ in their last digits from those of one machine (--drive-fresh drives all of them here)"
-            )
-    return sentences
 
 
 def _corrected(judged: list[Judged], options: RunOptions) -> tuple[list[Judged], tuple[Judged, ...]]:

@@ -7,21 +7,19 @@ from functools import partial
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.report.cautions import cautions
 from pytest_drive_robust.report.failure import replay_command
 from pytest_drive_robust.report.numbers import in_percent, legible, lower_end, shown, shown_beside
 from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.report.promise import OPEN
-from pytest_drive_robust.report.run_result import RunResult, SettingRow, mixed_machines, row_labels
+from pytest_drive_robust.report.run_result import RunResult, SettingRow, row_labels
 from pytest_drive_robust.stats.multiple_verdicts import any_wrong
 from pytest_drive_robust.store.events import Judged
-from pytest_drive_robust.verdict.touched import immunity
 
 _MAX_ERRORS = 10
 _REPLAY = "  replay"
 _COLUMNS = ("DS", "SR", "RD", "efficiency", "comfort", "routes")
 _NARROW_COLUMNS = ("DS", "SR", "RD", "routes")
-_BETTER = {"RD": "<=", "DS": ">=", "SR": ">="}
-"""The comparison that demands a good agent. Other metrics may be limited from both sides."""
 _MOST_OTHERS = 2
 """How many other metrics fit into a line; JSON has all metrics."""
 
@@ -123,11 +121,9 @@ def footnotes(run: RunResult) -> list[str]:
         )
     lines += [f"NOT GREEN: {item.agent}: {item.requirement}: {_value(item)}, {item.message}" for item in run.late]
     lines += _open(run)
-    lines += _mistaken(run)
+    lines += cautions(run)
     lines += _several(run)
     lines += list(dict.fromkeys(f"{searched.agent}: {searched.sentence}" for searched in run.searched))
-    lines += [note for row in run.rows if (note := immunity(row.results))]
-    lines += mixed_machines(run)
     lines += _errors(run, Outcome.AGENT_ERROR, "agent error")
     lines += _errors(run, Outcome.INFRA_ERROR, "simulation error, never scored")
     return lines + list(run.notes)
@@ -172,29 +168,6 @@ def _open(run: RunResult) -> list[str]:
             read = f"{_value(judged)} after {judged.routes} of {judged.planned} routes"
             lines.append(f"~ {judged.agent}: {judged.requirement}: {read}, {why}")
     return lines
-
-
-def _mistaken(run: RunResult) -> list[str]:
-    """Return warnings on passed requirements that are probably mistakes: `<=` for `>=`, a share for points of DS."""
-    lines = []
-    for judged in run.judged:
-        better = _BETTER.get(judged.metric)
-        if judged.verdict != "pass" or better is None:
-            continue
-        if judged.comparison != better:
-            meant = "less" if better == "<=" else "more"
-            lines.append(
-                f"warning: {judged.requirement} lets the worse of two agents pass, because {meant} {judged.metric} is "
-                f"better. Did you mean '{better}'?"
-            )
-        elif judged.metric == "DS" and 0.0 < judged.limit < 1.0:
-            lines.append(
-                f"warning: {judged.requirement} is hardly a limit, because DS is 0 to 100. Did you mean "
-                f"{100.0 * judged.limit:g}?"
-            )
-    lines = list(dict.fromkeys(lines))
-    hidden = len(lines) - _MAX_ERRORS
-    return lines[:_MAX_ERRORS] + ([f"warning: and {hidden} more requirements like these"] if hidden > 0 else [])
 
 
 def _value(judged: Judged) -> str:

@@ -136,9 +136,16 @@ def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
     assert text(page, ".badge.inconclusive") == "~ inconclusive"
 
 
-def test_a_run_with_tests_left_does_not_look_like_a_whole_one(opened, tmp_path):
-    page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 60.0)], ended_early=True)).go()
-    assert text(page) == "The requirement holds, but not all tests came to their verdicts"
+@pytest.mark.parametrize(
+    ("ended", "told"),
+    [
+        ({"ended_early": True}, "but not all tests came to their verdicts"),
+        ({"stopped_tests": ("test_it",)}, "but 1 test stopped before the end"),
+    ],
+)
+def test_a_run_with_tests_left_does_not_look_like_a_whole_one(opened, tmp_path, ended, told):
+    page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 60.0)], **ended)).go()
+    assert text(page) == f"The requirement holds, {told}"
 
 
 def test_an_interval_of_rd_ends_as_in_the_terminal(opened, tmp_path):

@@ -47,14 +47,14 @@ def judged_as(verdict, value, *, metric="DS", limit=50.0, comparison=">=", setti
     return Judged(*scope, verdict, value, **told)
 
 
-def report_of(folder, *results, judged=(), simulator="embedded", ended_early=False):
-    """Write the pages of a run of any settings and agents."""
+def report_of(folder, *results, judged=(), simulator="embedded", **ended):
+    """Write the pages of a run of any settings and agents; `ended` has `ended_early` and `stopped_tests`."""
     found = {str(result.episode): result for result in results}
     keys: dict[tuple[str, str], list[str]] = {}
     for key, result in found.items():
         keys.setdefault((result.episode.agent, result.episode.setting), []).append(key)
     needed = [EpisodesNeeded(agent, "one-per-scenario", name, (0,), tuple(of)) for (agent, name), of in keys.items()]
     run = RunResult.of(RunOptions(simulator=simulator), [*needed, *judged, Used(tuple(found))], found.get, versions={})
-    document = run_as_json(replace(run, ended_early=ended_early))
+    document = run_as_json(replace(run, **ended))
     records = RunRecords.of(document, found.get, default_registry(), label="made up")
     return write_pages(folder, records).parent

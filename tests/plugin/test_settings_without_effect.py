@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 
+from report_pages import data_of
+
 DEAF = """
 
 def deaf():
@@ -67,10 +69,14 @@ def test_a_failure_that_cannot_say_why_it_changed_nothing_is_an_error_all_the_sa
 
 def test_an_agent_that_ignores_what_was_changed_is_judged_and_named_as_immune(suite):
     folder = suite("RD under GPS noise 5 m <= 0.30", conftest=DEAF)
-    result = run(folder, "--drive-agent", "deaf")
+    result = run(folder, "--drive-agent", "deaf", "--drive-report", "look")
     result.assert_outcomes(passed=1)
-    result.stdout.fnmatch_lines(["GPS noise 5 m changed gps, which deaf does not use: the agent has no camera;*"])
-    episodes = json.loads((folder.path / "run.json").read_text())["episodes"]
+    told = "GPS noise 5 m changed gps, which deaf does not use: the agent has no camera;"
+    result.stdout.fnmatch_lines([f"{told}*"])
+    document = json.loads((folder.path / "run.json").read_text())
+    for notes in (document["notes"], data_of(folder.path / "look")["notes"]):
+        assert [note.startswith(told) for note in notes] == [True]
+    episodes = document["episodes"]
     clean, noisy = episodes[0]["reception"], episodes[-1]["reception"]
     ticks = episodes[0]["ticks"]
     assert clean == {"cameras": [], "consumes": [], "observations": ticks, "touched": []}

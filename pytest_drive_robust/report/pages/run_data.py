@@ -40,6 +40,7 @@ def run_data(
     return {
         "label": records.label,
         "endedEarly": document.get("ended_early", False),
+        "stopped": len(document.get("stopped_tests", ())),
         "stored": _stored(document),
         "options": document["settings"],
         "versions": document.get("versions", {}),

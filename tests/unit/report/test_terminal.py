@@ -201,6 +201,7 @@ def test_a_requirement_that_a_worse_agent_passes_is_told_of_where_it_was_passed(
     text = " ".join(run_summary(run, colour=False).split())
     assert text.count("warning: STATED") == (told is not None)
     assert told is None or f"warning: STATED {told}" in text
+    assert run_as_json(run)["notes"] == ([] if told is None else [f"warning: STATED {told}"])
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ driveRobust.views.set("", (() => {
     if (count("error")) parts.push(counted(count("error"), "error"));
     if (count("inconclusive")) parts.push(`${count("inconclusive")} inconclusive`);
     if (run.endedEarly) parts.push("but not all tests came to their verdicts");
+    else if (run.stopped) parts.push(`but ${counted(run.stopped, "test")} stopped before the end`);
     else if (run.rows.some((row) => row.finished < row.needed)) parts.push("but not all episodes were driven");
     return parts.join(", ");
   }
