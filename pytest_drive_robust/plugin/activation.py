@@ -129,5 +129,6 @@ class _Session(NamedTuple):
         if options.plan:
             from pytest_drive_robust.plugin.plan_option import PlanPlugin
 
-            plan = PlanPlugin(config, campaign, store, collection.requests, collection.verdict_plans, executor)
+            planned = (collection.requests, collection.verdict_plans, collection.unplanned)
+            plan = PlanPlugin(config, campaign, store, *planned, executor)
             config.pluginmanager.register(plan, "drive_robust_planning")

@@ -31,12 +31,14 @@ class CollectionPlugin:
     """Plans the episodes of the selected tests, in every process that runs tests.
 
     `requests` holds these episodes by key, `verdict_plans` the episodes that each verdict reads, in the order of tests.
+    `unplanned` are the tests that name in their bodies what they drive.
     """
 
     def __init__(self, checks: RegressionChecks) -> None:
         self._checks = checks
         self.requests: dict[str, EpisodeRequest] = {}
         self.verdict_plans: list[VerdictPlan] = []
+        self.unplanned: list[str] = []
         self._advice: dict[tuple[int, float, float], str] = {}  # by number of routes, margin and alpha
         self._advice_on_scopes: list[str] = []
         self._scopes: dict[tuple[str, str], Scope] = {}
@@ -68,7 +70,8 @@ class CollectionPlugin:
         context.campaign.planned(self.requests, self.verdict_plans, shared=is_worker(config))
         note_problem(config, "", lambda: context.scopes.check_requests(self.requests.values()))
         note_problem(config, "", lambda: self._checks.check_routes(self._scopes.values()))
-        whole = all(map(requirements_of, driving))  # a test without a parameter names its requirement in its body
+        self.unplanned += [item.nodeid for item in driving if not requirements_of(item)]
+        whole = not self.unplanned
         note_problem(
             config, "", lambda: self._checks.check_plan(self.requests.values(), scopes=context.scopes, whole=whole)
         )

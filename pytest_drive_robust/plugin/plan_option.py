@@ -29,8 +29,9 @@ def check_plan_alone(config: pytest.Config) -> None:
 class PlanPlugin:
     """Shows the plan in place of running tests.
 
-    `requests` holds the episodes of the selected tests by key, `verdict_plans` the episodes that each verdict reads;
-    `CollectionPlugin` fills both. `executor` is the executor that a run would use.
+    `requests` holds the episodes of the selected tests by key, `verdict_plans` the episodes that each verdict reads,
+    `unplanned` the tests whose episodes are not known; `CollectionPlugin` fills all three. `executor` is the executor
+    that a run would use.
     """
 
     config: pytest.Config
@@ -38,6 +39,7 @@ class PlanPlugin:
     store: EpisodeStore
     requests: Mapping[str, EpisodeRequest]
     verdict_plans: Sequence[VerdictPlan]
+    unplanned: Sequence[str]
     executor: Executor
 
     @pytest.hookimpl(tryfirst=True)
@@ -55,6 +57,7 @@ class PlanPlugin:
                 self.store.get,
                 likely=likely,
                 possible=possible,
+                unplanned=self.unplanned,
                 slots=self.executor.slots,
                 together=self.executor.together,
                 colour=reporter.hasmarkup,

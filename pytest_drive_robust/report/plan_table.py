@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from math import fsum
 from statistics import fmean
 
+from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.report.numbers import counted, duration_text
 from pytest_drive_robust.report.page import WIDTH, Page
 from pytest_drive_robust.runner.plan import EpisodeRequest
@@ -19,6 +20,7 @@ def plan_text(
     *,
     likely: Collection[str],
     possible: Collection[str],
+    unplanned: Sequence[str] = (),
     slots: int,
     together: Callable[[str], int] = lambda agent: 1,
     colour: bool,
@@ -29,7 +31,8 @@ def plan_text(
     `likely` are the keys of the episodes that the verdicts probably read, `possible` the keys that the verdicts may
     read at most: some verdicts may come early, some are reached already. The time is estimated from stored episodes of
     the same agent; for an agent without stored episodes the time is unknown, because agents differ by a factor of a
-    hundred. An episode holds its slot `together(agent)` times its own seconds.
+    hundred. An episode holds its slot `together(agent)` times its own seconds. `unplanned` are the tests that state no
+    requirement as a parameter: what their bodies ask for is not known.
     """
     asked: Counter[tuple[str, str]] = Counter()
     stored: Counter[tuple[str, str]] = Counter()
@@ -53,7 +56,15 @@ def plan_text(
     waiting = {agent: count * together(agent) for agent, count in left.items() if count}
     held_s = [count * fmean(walls_s[agent]) for agent, count in waiting.items() if walls_s[agent]]
     unknown = [agent for agent in waiting if not walls_s[agent]]
-    return f"{page.text}\n{_sentence(left.total(), to_drive.total(), held_s, unknown, slots)}"
+    lines = [page.text]
+    if to_drive or not unplanned:
+        lines.append(_sentence(left.total(), to_drive.total(), held_s, unknown, slots))
+    elif asked:
+        lines.append("Every episode of the requirements that are parameters is stored.")
+    if unplanned:
+        told = first_few(unplanned, 1)
+        lines.append(f"Not counted is what tests without a requirement as a parameter ask for in their bodies: {told}.")
+    return "\n".join(lines)
 
 
 def _sentence(left: int, most: int, held_s: list[float], unknown: list[str], slots: int) -> str:

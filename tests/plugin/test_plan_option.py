@@ -52,3 +52,25 @@ def test_a_suite_that_asks_for_nothing_has_an_empty_plan(suite):
     result = project.runpytest_inprocess("--drive-robust", "--drive-plan")
     assert "INTERNALERROR" not in "\n".join((*result.outlines, *result.errlines))
     assert "Every episode that the verdicts need is stored: nothing would be driven." in result.outlines
+
+
+BODIES = """
+from pytest_drive_robust import requirement
+
+def test_first(drive):
+    assert drive.rd("throttle 0.9") <= 0.3
+
+def test_second(drive):
+    drive.check(requirement("DS") >= 1)
+"""
+
+
+def test_a_plan_does_not_call_all_stored_what_it_cannot_know(suite):
+    project = suite("DS under clean >= 40", test=BODIES)
+    told = "Not counted is what tests without a requirement as a parameter ask for in their bodies: *_first and 1 more."
+    first = project.runpytest_inprocess("--drive-robust", "--drive-plan")
+    first.stdout.fnmatch_lines(["3 episodes would be driven, *", told])
+    project.runpytest_inprocess("--drive-robust", "-k", "clean").assert_outcomes(passed=1)
+    second = project.runpytest_inprocess("--drive-robust", "--drive-plan")
+    second.stdout.fnmatch_lines(["Every episode of the requirements that are parameters is stored.", told])
+    second.stdout.no_fnmatch_line("*nothing would be driven*")
