@@ -36,10 +36,16 @@ def test_a_run_that_is_compared_shows_both(suite):
 
 @pytest.mark.parametrize(
     ("given", "message"),
-    [(".", "which holds other things"), ("missing/look", "there is no folder"), ("conftest.py", "which is a file")],
+    [
+        (".", "which holds other things"),
+        ("missing/look", "there is no folder"),
+        ("conftest.py", "which is a file"),
+        ("link", "which is a link that leads nowhere"),
+    ],
 )
 def test_a_folder_that_cannot_be_written_is_refused_before_anything_ran(suite, driven, given, message):
     folder = suite("DS under clean >= 90")
+    (folder.path / "link").symlink_to("nowhere")
     result = run(folder, "--drive-report", given)
     assert result.ret == 4
     assert message in "\n".join((*result.outlines, *result.errlines))

@@ -37,8 +37,9 @@ def check_folder(folder: Path, *, source: str, has_begun: bool = False) -> None:
     Once the run `has_begun`, its other outputs (`--junitxml`, `--drive-json`) may lie there, and only what the report
     would replace counts.
     """
-    if folder.exists() and not folder.is_dir():
-        raise UsageError(f"{source} is {str(folder)!r}, which is a file; expected a folder, as in {source} report.")
+    if os.path.lexists(folder) and not folder.is_dir():
+        what = "a file" if folder.exists() else "a link that leads nowhere"
+        raise UsageError(f"{source} is {str(folder)!r}, which is {what}; expected a folder, as in {source} report.")
     others = [item.name for item in folder.iterdir()] if folder.is_dir() else []
     if MARK not in others and (set(others) & set(_PARTS) if has_begun else others):
         raise UsageError(
