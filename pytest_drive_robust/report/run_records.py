@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +17,7 @@ from pytest_drive_robust.registry.registry import Registry
 from pytest_drive_robust.regression.document import damaged, episode_of, routes_of_one_id
 from pytest_drive_robust.regression.references import project_store, read_run_document
 from pytest_drive_robust.runner.before_driving import routes_of
+from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.simulators.base import Simulator
 from pytest_drive_robust.store.base import Find
 from pytest_drive_robust.store.lookup import stored_episodes
@@ -94,8 +95,21 @@ class RunRecords:
         )
 
     def route(self, route_id: str) -> Route | None:
-        """Return a route of the run, or None when its specification cannot be resolved any more."""
-        return next((route for routes in self.routes.values() for route in routes if route.id == route_id), None)
+        """Return a route as the run drove it; None when it was changed, or its specification cannot be resolved."""
+        return self._as_driven.get(route_id)
+
+    @property
+    def changed_routes(self) -> tuple[str, ...]:
+        """The ids of driven routes whose content is not what the run drove: a route file was edited, or is another."""
+        driven = dict.fromkeys(episode.route_id for episode in self.results)
+        known = {route.id for routes in self.routes.values() for route in routes}
+        return tuple(name for name in driven if name in known and name not in self._as_driven)
+
+    @cached_property
+    def _as_driven(self) -> Mapping[str, Route]:
+        digests = self.document.get("fingerprint", {}).get("routes", {})  # older runs do not tell
+        routes = {route.id: route for routes in self.routes.values() for route in routes}
+        return {name: route for name, route in routes.items() if digests.get(name) in (None, route_digest(route))}
 
     def spec_of(self, route_id: str) -> str:
         """Return the route specification that holds a route; the run's first specification if none can be resolved."""

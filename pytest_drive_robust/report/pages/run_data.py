@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.errors import first_few
 from pytest_drive_robust.metrics.ability import ABILITIES
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.regression.clock import minute_text
@@ -135,7 +136,7 @@ def _stored(document: Mapping[str, Any]) -> str:
 
 
 def _missing(records: RunRecords) -> list[str]:
-    """Return a sentence for each setting with episodes not driven, and one for episodes without a stored trace."""
+    """Return a sentence for each setting with episodes not driven, and about what is no longer there to be shown."""
     lines = []
     for row in records.document["summaries"]:
         left = row["episodes_needed"] - row["episodes_finished"]
@@ -147,4 +148,6 @@ def _missing(records: RunRecords) -> list[str]:
     unread = sum(result.ticks > 0 and not len(result.trace.rows) for result in records.results.values())
     if unread:
         lines.append(f"{unread} of {len(records.results)} episodes are not in the store, so they cannot be replayed.")
+    if changed := records.changed_routes:
+        lines.append(f"the roads of routes that are not as the run drove them are not shown: {first_few(changed, 5)}.")
     return lines

@@ -28,6 +28,7 @@ from pytest_drive_robust.report.pages.folder import MARK, check_folder, write_pa
 from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
+from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
@@ -219,6 +220,24 @@ def test_a_route_is_driven_again_from_the_file_that_holds_it(tmp_path):
     data = data_of(tmp_path / "out")
     assert [route["file"] for route in data["routes"]] == files
     assert [row["label"] for row in data["rows"]] == ["clean on a.xml", "clean on b.xml"]
+
+
+def test_a_route_that_was_changed_since_is_not_shown_as_what_was_driven(tmp_path):
+    mine = tmp_path / "mine.xml"
+    driven, other = (replace(route, id="mine") for route in resolve_routes("one-per-scenario")[:2])
+    save_routes([driven], mine)
+    found, find = document(make_result("mine"), spec=str(mine))
+    found["fingerprint"] = {"agents": {}, "routes": {"mine": route_digest(resolve_routes(str(mine))[0])}}
+
+    def shown():
+        write_pages(tmp_path / "out", RunRecords.of(found, find, default_registry(), label="a run"))
+        data = data_of(tmp_path / "out")
+        return data["routes"][0]["town"], bool(data_of(tmp_path / "out", "route-0")["maps"]), data["notes"]
+
+    assert shown() == (driven.town, True, [])
+    save_routes([other], mine)
+    told = "the roads of routes that are not as the run drove them are not shown: mine."
+    assert shown() == ("", False, [told])
 
 
 def test_an_episode_that_ended_before_its_first_tick_is_not_said_to_be_missing(tmp_path):
