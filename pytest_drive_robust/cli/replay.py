@@ -91,6 +91,12 @@ class _Wanted:
     seed: int
     stored: EpisodeResult | None
 
+    @property
+    def episodes(self) -> dict[Episode, Setting]:
+        """The episodes to drive, each with its setting: the baseline and the setting, once if they are the same."""
+        settings = dict.fromkeys((self.setting.baseline, self.setting))
+        return {Episode(self.agent, self.route, str(setting), self.seed): setting for setting in settings}
+
 
 def _replay(options: argparse.Namespace) -> int:
     registry = default_registry()
@@ -98,7 +104,10 @@ def _replay(options: argparse.Namespace) -> int:
     stuck_stop_s = seconds(GivenText("--stuck-stop", options.stuck_stop))
     if options.tick_cap is not None and options.tick_cap < 1:
         raise UsageError(f"--tick-cap is {options.tick_cap}, expected at least 1.")
-    before = before_of(options.run, wanted.stored, simulator=options.sim, stuck_stop_s=stuck_stop_s)
+    earlier = wanted.stored if wanted.stored is not None and wanted.stored.episode in wanted.episodes else None
+    before = before_of(
+        options.run, earlier, simulator=options.sim, stuck_stop_s=stuck_stop_s, tick_cap=options.tick_cap
+    )
     target = None if options.no_video else _target(options, wanted)
     if not options.stored_controls:
         registry.require("agents", wanted.agent)
@@ -109,9 +118,9 @@ def _replay(options: argparse.Namespace) -> int:
         check_severities(wanted.setting, simulator.dt_s)
         again = options.stored_controls and wanted.stored is not None
         tapes = [_drive_again(simulator, wanted, route)] if again else _drive(registry, simulator, wanted, route)
-        measured = wanted.setting.measures_inference
+        measured = wanted.setting.measures_inference and not options.stored_controls
         if len(tapes) == 2:
-            _print_divergence(*tapes)
+            _print_divergence(*(tape.result for tape in tapes))
         same = before is None or _is_as_before(tapes, route, before, measured=measured)
         if target is not None:
             _film(tapes, target)
@@ -177,14 +186,12 @@ def _route(options: argparse.Namespace, name: str, simulator: Simulator) -> Rout
 
 def _drive(registry: Registry, simulator: Simulator, wanted: _Wanted, route: Route) -> list[Tape]:
     """Drive the baseline and the setting with the same simulator and agent; a baseline setting is driven once."""
-    settings = dict.fromkeys((wanted.setting.baseline, wanted.setting))
-    episodes = [Episode(wanted.agent, route.id, str(setting), wanted.seed) for setting in settings]
     with OneThread() as one_thread:  # as in a run: sums over several threads differ in the last bits
         agent = make_agent(registry, wanted.agent)
         one_thread.limit()  # also the libraries that the agent loaded
         return [
             _tape(f"under {setting}", simulator, agent, setting, route, episode)
-            for setting, episode in zip(settings, episodes, strict=True)
+            for episode, setting in wanted.episodes.items()
         ]
 
 
@@ -214,11 +221,16 @@ def _tape(what: str, simulator: Simulator, agent: Agent, setting: Setting, route
     return replace(tape, result=replace(tape.result, episode=episode))
 
 
-def _print_divergence(clean: Tape, perturbed: Tape) -> None:
-    parted = first_divergence(clean.result, perturbed.result)
-    same = clean.result.trace.digest == perturbed.result.trace.digest
-    alike = "both drove the same" if same else "no divergence: never 0.5 m or 1 m/s apart"
-    print(alike if parted is None else f"first divergence at {parted.second:.2f} s {parted.signal}")
+def _print_divergence(clean: EpisodeResult, perturbed: EpisodeResult) -> None:
+    parted = first_divergence(clean, perturbed)
+    if parted is not None:
+        print(f"first divergence at {parted.second:.2f} s {parted.signal}")
+    elif clean.trace.digest == perturbed.trace.digest:
+        print("both drove the same")
+    else:
+        shared_s = min(clean.game_s, perturbed.game_s)
+        until = "" if clean.ticks == perturbed.ticks else f" in the {shared_s:.2f} s that both drove"
+        print(f"no divergence{until}: never 0.5 m or 1 m/s apart")
 
 
 def _is_as_before(tapes: list[Tape], route: Route, before: Before, *, measured: bool) -> bool:

@@ -65,18 +65,23 @@ class Before:
 
 
 def before_of(
-    reference: str | None, episode: EpisodeResult | None, *, simulator: str, stuck_stop_s: float | None
+    reference: str | None,
+    episode: EpisodeResult | None,
+    *,
+    simulator: str,
+    stuck_stop_s: float | None,
+    tick_cap: int | None,
 ) -> Before | None:
-    """Return the episodes to compare with: the given episode, a run by name or file, a folder, or the newest run.
+    """Return the episodes to compare with: of `reference`, a run or a folder; else the given one; else the newest run.
 
-    The newest stored run is the default. Return None where there is no run, or where the newest run cannot be read or
-    was driven in another simulator or with another `stuck_stop_s`. Raises `UsageError` for a reference that is no run,
-    file or folder.
+    Return None where there is no run, or where the newest run cannot be read or was driven in another simulator, with
+    another `stuck_stop_s` or without this `tick_cap`, which no run has. Raises `UsageError` for a reference that is no
+    run, file or folder.
     """
     if reference is None and episode is not None:
         return Before("the stored episode", True, episode=episode)
     if reference and Path(reference).is_dir():
-        return Before(f"the folder {reference}", True, folder=Path(reference), episode=episode)
+        return Before(f"the folder {reference}", True, folder=Path(reference))
     path = _run_file(reference)
     if path is None:
         return None
@@ -84,14 +89,15 @@ def before_of(
     try:
         document = read_document(path)
         settings = {"stuck_stop_s": stuck_stop_s, **document["settings"]}
-        if reference is None and (settings["simulator"], settings["stuck_stop_s"]) != (simulator, stuck_stop_s):
+        driven_as = (settings["simulator"], settings["stuck_stop_s"], None)
+        if reference is None and driven_as != (simulator, stuck_stop_s, tick_cap):
             return None
         digests, routes = _digests(document), _routes(document)
     except UsageError:
         if reference is not None:
             raise
         return None  # nobody asked for this run
-    return Before(label, reference is not None, digests=digests, routes=routes, episode=episode)
+    return Before(label, reference is not None, digests=digests, routes=routes)
 
 
 def read_episode_file(name: str) -> EpisodeResult:

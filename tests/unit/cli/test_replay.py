@@ -54,6 +54,11 @@ class Slow(Good):
     def act(self, observation):
         return Control(throttle=0.2, steer=0.001 * observation.speed.mps)
 
+class Jumpy(Good):
+    def act(self, observation):
+        assert observation.tick < 2 or abs(observation.gps.y_m) < 0.1, "far from its route"
+        return Control(throttle=0.2)
+
 class Debugged(Good):
     def act(self, observation):
         if observation.tick == 5:
@@ -155,6 +160,12 @@ def test_two_that_never_part_are_the_same_or_nearly(agent: str, told: str, capsy
     arguments = [part.replace("Good", agent) for part in GOOD]
     assert main([*arguments, "--setting", "speed noise 0.9", "--no-video"]) == 0
     assert told in capsys.readouterr().out
+
+
+def test_two_that_ended_apart_are_told_how_long_they_are_compared(capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = [part.replace("Good", "Jumpy") for part in GOOD]
+    assert main([*arguments, "--setting", "GPS noise 15 m", "--no-video"]) == 0
+    assert "no divergence in the 0.10 s that both drove: never 0.5 m or 1 m/s apart" in capsys.readouterr().out
 
 
 def test_no_bar_is_drawn_over_the_prompt_of_a_debugger(
@@ -272,11 +283,10 @@ def test_a_stored_run_is_asked_by_its_name_and_the_newest_one_anyway(
     assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
     assert main([*GOOD, *LATE, "--no-video", "--run", "later"]) == 1
     assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
+    assert main([*GOOD[:-2], *LATE, "--no-video"]) == 0, "nobody asked whether it is the same"
+    assert "200 ms latency: DIFFERS from the run before" in capsys.readouterr().out
     assert main([*GOOD, *LATE, "--no-video"]) == 0
-    assert "200 ms latency: as in the run before, bit for bit" in capsys.readouterr().out
-    os.utime(runs / "later.json", (9, 9))
-    assert main([*GOOD, *LATE, "--no-video"]) == 0, "nobody asked whether it is the same"
-    assert "200 ms latency: DIFFERS from the run later" in capsys.readouterr().out
+    assert "the run before" not in capsys.readouterr().out, "no run ends after 40 ticks"
 
 
 @pytest.mark.parametrize(
@@ -296,7 +306,7 @@ def test_the_newest_run_is_no_comparison_where_it_was_driven_otherwise(
     runs = folder / ".drive-robust" / "runs"
     runs.mkdir(parents=True)
     (runs / "one.json").write_text(json.dumps(document))
-    assert main([*GOOD, "--no-video"]) == 0
+    assert main([*GOOD[:-2], "--no-video"]) == 0
     assert ("DIFFERS from the run one" in capsys.readouterr().out) == told
 
 
@@ -377,6 +387,45 @@ def test_a_stored_episode_says_itself_what_to_drive(folder: Path, capsys: pytest
     assert "200 ms latency: as in the stored episode, bit for bit" in shown
 
 
+def test_a_stored_episode_is_compared_with_the_run_that_was_named(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from pytest_drive_robust.store.record_files import read_episode
+
+    path = stored(folder, "200 ms latency")
+    result = read_episode(path)
+    rows = result.trace.rows.copy()
+    rows[9:, 0] += 0.25
+    (folder / "other").mkdir()
+    write_episode(folder / "other" / path.name, replace(result, trace=replace(result.trace, rows=rows)))
+    arguments = ["replay", str(path), "--sim", FAKE, "--tick-cap", "40", "--no-video"]
+    assert main([*arguments, "--run", "run"]) == 0
+    assert main([*arguments, "--run", "other"]) == 1
+    shown = capsys.readouterr().out
+    assert "200 ms latency: as in the folder run, bit for bit" in shown
+    assert "200 ms latency: DIFFERS from the folder other from 0.50 s on" in shown
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        (["--seed", "7"], ""),
+        (["--setting", "500 ms latency"], ""),
+        (["--setting", "500 ms latency", "--run", "run"], "500 ms latency: not in the folder run"),
+        (["--seed", "0"], "200 ms latency: as in the stored episode, bit for bit"),
+    ],
+)
+def test_options_that_make_another_episode_of_a_stored_one_compare_with_nothing(
+    folder: Path, capsys: pytest.CaptureFixture[str], given: list[str], told: str
+) -> None:
+    stored(folder, "clean")
+    path = stored(folder, "200 ms latency")
+    assert main(["replay", str(path), "--sim", FAKE, "--tick-cap", "40", "--no-video", *given]) == 0
+    shown = capsys.readouterr().out
+    assert told in shown
+    assert bool(told) == ("stored episode" in shown or "folder run" in shown)
+
+
 def test_replay_shows_both_episodes_and_where_they_part(capsys: pytest.CaptureFixture[str]) -> None:
     arguments = ["replay", ROUTE.id, "--agent", "film_agents:Good", "--sim", FAKE, "--setting", "200 ms latency"]
     assert main([*arguments, "--seed", "5", "--no-video"]) == 0
@@ -432,6 +481,18 @@ def test_stored_controls_are_driven_again_without_the_agent(
     for given in (["--agent", "expert"], ["--setting", "clean"], ["--seed", "0"]):
         assert main([*arguments, "--stored-controls", *given]) == 4
         assert f"--stored-controls and {given[0]} cannot be combined" in capsys.readouterr().err
+
+
+def test_stored_controls_differ_also_where_the_latency_was_measured(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = stored(folder, "measured latency")
+    arguments = ["replay", str(path), "--sim", FAKE, "--no-video", "--stored-controls", "--tick-cap"]
+    assert main([*arguments, "40"]) == 0
+    assert main([*arguments, "20"]) == 1
+    shown = capsys.readouterr().out
+    assert "measured latency: DIFFERS from the stored episode only in length: 1.00 s now, 2.00 s stored" in shown
+    assert "never the same twice" not in shown
 
 
 @pytest.mark.parametrize(
