@@ -66,9 +66,9 @@ def result_of(told: Mapping[str, Any], *, trace: Trace = NO_TICKS, **tables: Any
     return EpisodeResult(episode=episode, trace=trace, **facts, **tables)
 
 
-def reception_of(told: Any) -> Reception | None:
-    """Return the reception that `plain` wrote; None for None. Raises as `result_of` does."""
-    return None if told is None else _reception(told)
+def read_facts(told: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    """Return some facts of an episode, each checked. Raises as `result_of` does."""
+    return {name: _FACTS[name](told[name]) for name in names}
 
 
 def unstorable(name: str, value: object) -> str | None:
@@ -156,7 +156,7 @@ _FACTS: Mapping[str, Callable[[Any], Any]] = {
     "junction_passed": _truth,
     "versions": lambda told: {_text(name): _text(version) for name, version in told.items()},
     "inference_s": _several(_number),
-    "reception": reception_of,
+    "reception": lambda told: None if told is None else _reception(told),
 }
 _LATER = ("inference_s", "reception")
 """The fields that a file may leave out."""

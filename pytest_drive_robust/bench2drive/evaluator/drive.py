@@ -5,15 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import threading
-from collections.abc import Mapping
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import STOPPED, Attempt, attempt
+from pytest_drive_robust.bench2drive.evaluator.injection_log import Injected, injected_in
 from pytest_drive_robust.bench2drive.evaluator.ports import PORTS_PER_SLOT, TRAFFIC_OFFSET, held_ports
 from pytest_drive_robust.bench2drive.evaluator.route_result import (
     DrivenRoute,
     excuse_of,
-    injected_in,
     keep_files,
     read_finished,
     record_in,
@@ -50,15 +49,15 @@ def drive_route(
     Raises `UsageError` when the evaluator cannot be started with this setup at all, and when the injection does not
     reach the agent.
     """
-    finished = read_finished(run_folder, route, setup.setting) if reuse else None
+    finished = read_finished(run_folder, route, setup.setting, setup.seed) if reuse else None
     if finished is not None:
         return finished
     claim = run_folder.claim(route, stop)
     if claim is None:
-        return DrivenRoute(route, None, (), {}, 0.0)
+        return DrivenRoute(route, None, (), Injected(), 0.0)
     with claim:
         # the former holder of the claim may have finished the route
-        finished = read_finished(run_folder, route, setup.setting) if reuse else None
+        finished = read_finished(run_folder, route, setup.setting, setup.seed) if reuse else None
         return finished or _drive(setup, route, run_folder, slot=slot, stop=stop)
 
 
@@ -74,7 +73,8 @@ def _drive(
             break
         log = run_folder.log(route, number)
         record, trouble = record_in(run_folder.work(route) / "result.json", route, ended)
-        injected = injected_in(run_folder.work(route) / INJECTED_LOG)
+        injection_log = run_folder.work(route) / INJECTED_LOG
+        injected = injected_in(injection_log, route=route, setting=str(setup.setting), seed=setup.seed)
         excuse = "" if record is None else excuse_of(record, ended, log)
         if record is not None and excuse:
             trouble, record = f"{record.status}, {excuse}", None
@@ -88,7 +88,7 @@ def _drive(
         _refuse_hopeless(ended, log)
         troubles.append(f"{trouble} (see {log})")
     shutil.rmtree(run_folder.work(route), ignore_errors=True)
-    return DrivenRoute(route, None, tuple(troubles), {}, wall_s)
+    return DrivenRoute(route, None, tuple(troubles), Injected(), wall_s)
 
 
 def _once(
@@ -111,11 +111,11 @@ def _once(
         )
 
 
-def _refuse_unreached(setting: Setting, injected: Mapping[str, object]) -> None:
+def _refuse_unreached(setting: Setting, injected: Injected) -> None:
     """Raise `UsageError` if the agent drove without the injection: another try would end the same."""
-    if injected.get("ticks"):
+    if injected.ticks:
         raise UsageError(
-            f"the agent drove {injected['ticks']} ticks and read no sensors through the evaluator's SensorInterface: "
+            f"the agent drove {injected.ticks} ticks and read no sensors through the evaluator's SensorInterface: "
             f"{str(setting)!r} did not reach it. Let its sensors() list what it reads, and run_step() use what it is "
             "given."
         )

@@ -26,7 +26,7 @@ from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.evaluator.setup import EvaluatorSetup, setting_as_json
 from pytest_drive_robust.bench2drive.results.episode_from_record import episode_of
 from pytest_drive_robust.domain.outcome import End, Outcome
-from pytest_drive_robust.domain.result import EpisodeResult, Injection
+from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.engine.fork_server import Stopped
 from pytest_drive_robust.errors import UnknownNameError, UsageError
@@ -34,7 +34,6 @@ from pytest_drive_robust.runner.episode.bare_result import bare_result
 from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.embedded.route_xml import load_routes
-from pytest_drive_robust.store.episode_fields import reception_of
 from pytest_drive_robust.store.record_files import hide_from_git
 
 AGENT_PREFIX = "leaderboard:"
@@ -145,7 +144,7 @@ class Bench2DriveExecutor(Executor):
         run_folder = self.run_folder(request)
         if not self._reuses(run_folder, request):
             return None
-        driven = read_finished(run_folder, request.route.id, request.setting)
+        driven = read_finished(run_folder, request.route.id, request.setting, request.episode.seed)
         return None if driven is None else self._result(driven, request, run_folder)
 
     def run_folder(self, request: EpisodeRequest) -> RunFolder:
@@ -240,12 +239,5 @@ def _result(driven: DrivenRoute, request: EpisodeRequest, run_folder: RunFolder)
         outcome, end = Outcome.INFRA_ERROR, End.SIMULATION_CRASHED
         return bare_result(request.route, episode, outcome=outcome, end=end, detail="; ".join(driven.troubles))
     result = episode_of(driven.record, agent=episode.agent, setting=episode.setting, folders=(run_folder.results,))
-    schedule, inference_s = driven.injected.get("schedule"), driven.injected.get("inference_s")
-    return replace(
-        result,
-        episode=episode,
-        scenario=result.scenario or request.route.scenario.type,
-        schedule=tuple(Injection(*line) for line in schedule) if isinstance(schedule, list) else (),
-        inference_s=tuple(map(float, inference_s)) if isinstance(inference_s, list) else (),
-        reception=reception_of(driven.injected.get("reception")),
-    )
+    scenario = result.scenario or request.route.scenario.type
+    return replace(result, episode=episode, scenario=scenario, **driven.injected.facts)

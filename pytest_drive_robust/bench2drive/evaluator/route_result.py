@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from pytest_drive_robust.bench2drive.evaluator.attempt import Attempt
+from pytest_drive_robust.bench2drive.evaluator.injection_log import Injected, injected_in
 from pytest_drive_robust.bench2drive.evaluator.run_folder import RunFolder
 from pytest_drive_robust.bench2drive.evaluator.setup import INJECTED_LOG
 from pytest_drive_robust.bench2drive.results.official_record import STATUSES, OfficialRecord
@@ -36,17 +35,17 @@ class DrivenRoute:
     route: str
     record: OfficialRecord | None
     troubles: tuple[str, ...]
-    injected: Mapping[str, object]
+    injected: Injected
     wall_s: float
 
 
-def read_finished(run_folder: RunFolder, route: str, setting: Setting) -> DrivenRoute | None:
+def read_finished(run_folder: RunFolder, route: str, setting: Setting, seed: int) -> DrivenRoute | None:
     """Return an earlier run's result of a route, None if there is none. Raises `UsageError` for a damaged file."""
     path = run_folder.result(route)
     if not path.is_file():
         return None
     record, trouble = record_in(path, route, Attempt(0, "", 0.0))
-    injected = injected_in(run_folder.injected(route))
+    injected = injected_in(run_folder.injected(route), route=route, setting=str(setting), seed=seed)
     if record is not None and not was_injected(setting, record, injected):
         told = f"{str(run_folder.injected(route))!r} does not tell that {str(setting)!r} was injected"
         trouble, record = told, None
@@ -96,17 +95,7 @@ def keep_files(run_folder: RunFolder, route: str) -> None:
     os.replace(run_folder.work(route) / "result.json", run_folder.result(route))
 
 
-def injected_in(path: Path) -> Mapping[str, object]:
-    """Return the last entry of the log about the injection; empty if the log tells nothing."""
-    try:
-        lines = path.read_text(encoding="utf-8").splitlines()
-        told = json.loads(lines[-1]) if lines else {}
-    except (OSError, ValueError):
-        return {}
-    return told if isinstance(told, dict) else {}
-
-
-def was_injected(setting: Setting, record: OfficialRecord, injected: Mapping[str, object]) -> bool:
+def was_injected(setting: Setting, record: OfficialRecord, injected: Injected) -> bool:
     """Return True if the setting is clean, or it reached the agent, or the agent broke, perhaps before a first tick."""
     broke = STATUSES[record.status][0] is Outcome.AGENT_ERROR
-    return setting.is_clean or broke or bool(injected.get("injected_ticks"))
+    return setting.is_clean or broke or injected.injected_ticks > 0

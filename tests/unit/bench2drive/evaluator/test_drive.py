@@ -90,16 +90,31 @@ def test_an_agent_that_the_failures_do_not_reach_is_refused(official_executor: C
     assert late.outcome is Outcome.COMPLETED  # its commands are late all the same
 
 
-def test_a_finished_result_that_lost_what_was_injected_is_refused(
+def test_a_finished_result_whose_log_tells_nothing_of_its_injection_is_refused(
     official_executor: Callable[..., Any], tmp_path: Path
 ) -> None:
     made, task = official_executor()
     request = task("ok", Setting.parse("GPS noise 5 m"))
     assert made.submit(request).result(PATIENCE_S).outcome is Outcome.COMPLETED
-    (line,) = tmp_path.glob("runs/*/injected/101.jsonl")
-    line.unlink()
-    with pytest.raises(UsageError, match=r"101.json' is not a finished result: .*101.jsonl' does not tell"):
-        made.finished(request)
+    (log,) = tmp_path.glob("runs/*/injected/101.jsonl")
+    entry = json.loads(log.read_text())
+    damaged = (
+        {"schedule": [["gps-noise", "gps", 0]]},
+        {"schedule": [None]},
+        {"inference_s": ["soon"]},
+        {"reception": {"cameras": []}},
+        {"injected_ticks": "many"},
+        {"route": "202"},
+        {"setting": "GPS noise 15 m"},
+        {"seed": 1},
+    )
+    texts = [json.dumps({**entry, **changed}) for changed in damaged]
+    for text in ("", "[]", "[" * 100_000, json.dumps(entry)[:80], *texts, None):
+        log.unlink() if text is None else log.write_text(text)
+        with pytest.raises(UsageError, match=r"101.json' is not a finished result: .*101.jsonl' does not tell"):
+            made.finished(request)
+    log.write_text(json.dumps(entry))
+    assert made.finished(request).outcome is Outcome.COMPLETED
 
 
 def test_an_agent_imports_packages_in_the_root_of_the_checkout(
