@@ -169,8 +169,8 @@ def _missing(
 ) -> tuple[tuple[str, ...] | None, int | None]:
     """Return the missing routes and their number, each None if unknown.
 
-    Without a route file the evaluator's own plan tells the planned routes or their number, else `otherwise` is the
-    number of planned routes.
+    Without a route file the evaluator's own plan tells the planned routes, or how many each file lacks: files may plan
+    the same routes. Without a plan, `otherwise` is the number of planned routes.
     """
     there = {record.route for record in results.records}
     if scenarios is not None:
@@ -178,10 +178,11 @@ def _missing(
         return absent, len(absent)
     if results.missing:
         return results.missing, len(results.missing)
-    planned = otherwise if results.planned is None else results.planned
-    if planned is None:
+    if results.planned is not None:
+        return None, sum((file.planned or 0) - file.held for file in results.unfinished)
+    if otherwise is None:
         return None, None
-    return None, max(planned - len({record.route_id for record in results.records}), 0)
+    return None, max(otherwise - len({record.route_id for record in results.records}), 0)
 
 
 def _ability_rates(

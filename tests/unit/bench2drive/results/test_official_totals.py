@@ -89,6 +89,18 @@ def test_missing_duplicate_and_broken_routes(tmp_path: Path, capsys: pytest.Capt
     assert "fault of the harness" in noted(fixed, "all")
 
 
+def test_a_route_that_was_driven_again_in_another_file_leaves_none_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    crashed = record("2", status="Failed - Simulation crashed", completion=10.0)
+    write(tmp_path / "r" / "all.json", document(record("1"), crashed, planned=2))
+    write(tmp_path / "r" / "again.json", document(record("2"), planned=1))
+    told = scored(tmp_path / "r", capsys)
+    assert (told["missing_count"], told["duplicates"]) == (0, ["RouteScenario_2_rep0"])
+    write(tmp_path / "r" / "all.json", document(record("1"), crashed, planned=5))
+    assert scored(tmp_path / "r", capsys)["missing_count"] == 3
+
+
 def test_a_route_file_names_the_missing_routes_and_the_types(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
