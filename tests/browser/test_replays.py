@@ -9,12 +9,14 @@ from dataclasses import replace
 from pathlib import Path
 from urllib.parse import quote
 
+import numpy as np
 import pytest
 from made_up_pages import LATENCY, clean_run, report_of, text, tick
 from report_pages import EPISODE, data_of
 from result_factory import infraction, make_result, trace_of
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
+from pytest_drive_robust.domain.result import Given, Reception, Touch
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.report.film.file_name import film_name
@@ -265,6 +267,27 @@ def test_a_perturbed_gps_tells_by_how_much_it_is_off(opened):
     page.wait_for_selector("canvas")
     assert re.fullmatch(r"GPS off by \d+ m", text(page, ".pane.perturbed .told"))
     assert text(page, ".pane.clean .told") == ""
+
+
+def test_how_wrong_a_signal_is_counts_for_the_tick_in_which_it_was_given(opened, tmp_path):
+    ticks = np.arange(60)
+    speed = 20.0 - 0.2 * np.arange(61)  # brakes, at the beginning of each tick and at the end
+    x = np.cumsum(speed) * 0.05
+    given = np.column_stack((ticks, x[:60], 0.0 * ticks, 0.0 * ticks, speed[:60]))
+    given[40:, 1] += 4.0
+    touched = tuple(Touch(signal, 60, 0) for signal in ("gps", "speed"))
+    result = replace(
+        make_result(
+            "101", setting="GPS noise 15 m and speed noise 0.2", trace=trace_of(60, x_m=x[1:], speed_mps=speed[1:])
+        ),
+        reception=Reception((), ("gps", "speed"), 60, touched),
+        given=Given(given.astype(np.float32)),
+    )
+    report = opened(report_of(tmp_path, result))
+    for second, told in ((1.95, ""), (2.15, "GPS off by 4 m")):
+        page = report.go(f"#/episode/driver/GPS%20noise%2015%20m%20and%20speed%20noise%200.2/101/0?t={second}")
+        page.wait_for_selector("canvas")
+        assert text(page, ".told") == told
 
 
 def test_lights_are_told_apart_without_their_colours(opened):

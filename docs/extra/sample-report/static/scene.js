@@ -81,11 +81,12 @@ driveRobust.Scene = (() => {
     }
 
     /* Return whether the agent is told a place so far from its own that it is worth showing. */
-    static isMisplaced(told, ego) {
-      return told !== null && told.x !== null && Math.hypot(told.x - ego.x, told.y - ego.y) > MISPLACED_M;
+    static isMisplaced(told) {
+      return told !== null && told.off > MISPLACED_M;
     }
 
-    /* Return the signals last given to the agent, null where no perturbation changed them. */
+    /* Return the signals last given to the agent, null where no perturbation changed them. `off` and `faster` say how
+       wrong place (m) and speed (m/s) were at that tick: the ego has driven on since. */
     told(tick) {
       const { told } = this.motion;
       if (!told.rows) return null;
@@ -96,7 +97,12 @@ driveRobust.Scene = (() => {
         if (told.tick[middle] <= tick) low = middle; else high = middle - 1;
       }
       const known = (values, scale) => (values[low] === UNTOUCHED ? null : values[low] / scale);
-      return { x: known(told.x, 10), y: known(told.y, 10), speed: known(told.speed, 10), age: known(told.age, 1) };
+      const [x, y, speed] = [known(told.x, 10), known(told.y, 10), known(told.speed, 10)];
+      const ego = this.at(told.tick[low]);
+      return {
+        x, y, speed, age: known(told.age, 1),
+        off: x === null ? 0 : Math.hypot(x - ego.x, y - ego.y), faster: speed === null ? 0 : speed - ego.speed,
+      };
     }
 
     draw(context, width, height, tick, { colours, scale, twin, plan, colour, dt }) {
@@ -118,7 +124,7 @@ driveRobust.Scene = (() => {
       if (plan && this.tracks) this.plan(context, colours, tick);
       const told = this.told(tick);
       this.vehicle(context, ego, this.size, colour, colours.outline, 0.12);
-      if (Scene.isMisplaced(told, ego)) this.cross(context, told, colours);
+      if (Scene.isMisplaced(told)) this.cross(context, told, colours);
       this.rings(context, colours, tick, dt);
     }
 

@@ -353,8 +353,8 @@ driveRobust.views.set("episode", (() => {
       const told = pane.scene.told(tick);
       pane.speedNode.textContent = `${Math.round(ego.speed * 3.6)} km/h`;
       pane.toldNode.textContent = [
-        told && told.speed !== null && Math.abs(told.speed - ego.speed) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "",
-        driveRobust.Scene.isMisplaced(told, ego) ? `GPS off by ${Math.round(Math.hypot(told.x - ego.x, told.y - ego.y))} m` : "",
+        told && Math.abs(told.faster) > 0.3 ? `told ${Math.round(told.speed * 3.6)} km/h` : "",
+        driveRobust.Scene.isMisplaced(told) ? `GPS off by ${Math.round(told.off)} m` : "",
       ].filter(Boolean).join(", ");
       for (const { name, bar } of pane.bars) bar.style.setProperty("width", `${100 * ego[name]}%`);
       pane.steer.style.setProperty("left", `${50 + 50 * ego.steer}%`);
