@@ -18,6 +18,9 @@ from pytest_drive_robust.runner.cache_key.identity import route_digest
 from pytest_drive_robust.runner.replay.recording import difference
 from pytest_drive_robust.store.lookup import episode_files, stored_episode
 
+_SAME_LENGTH_M = 0.5
+"""Tolerance of the length of a route: another version of a world may measure it a little differently."""
+
 
 @dataclass(frozen=True, slots=True)
 class Before:
@@ -36,7 +39,10 @@ class Before:
 
     @property
     def holds(self) -> str:
-        """A clause about the episodes that the place holds."""
+        """A clause about the episodes that the place holds, where none of them is the one that was driven."""
+        if self.episode is not None:
+            of = f"{self.episode.scenario} of {self.episode.route_length_m:.0f} m"
+            return f"it is of another route {self.episode.episode.route_id}, {of}. Name its file with --routes"
         if self.digests is None:
             return "there is no record of that agent, route, setting and seed"
         first = next(iter(self.digests), None)
@@ -51,6 +57,7 @@ class Before:
             stored = [self.episode]
         else:
             stored = [] if self.folder is None else _stored(self.folder, driven)
+        stored = [earlier for earlier in stored if _may_be_of_one_route(earlier, driven)]
         same = f"as in {self.label}, bit for bit"
         if stored:
             # A store also keeps the episodes of earlier versions of an agent: tell the difference to the newest one.
@@ -136,6 +143,14 @@ def _stored(folder: Path, driven: EpisodeResult) -> list[EpisodeResult]:
     if unreadable is not None and not found:
         raise unreadable
     return found
+
+
+def _may_be_of_one_route(stored: EpisodeResult, driven: EpisodeResult) -> bool:
+    """Return False for two routes that have only their id in common; a drive that broke may not know the length."""
+    lengths_m = stored.route_length_m, driven.route_length_m
+    return stored.scenario == driven.scenario and (
+        0.0 in lengths_m or abs(lengths_m[0] - lengths_m[1]) < _SAME_LENGTH_M
+    )
 
 
 def _digests(document: Mapping[str, Any]) -> dict[Episode, str]:

@@ -16,12 +16,14 @@ from result_factory import make_result
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.domain.episode import Episode
+from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.report.film.file_name import film_name
 from pytest_drive_robust.report.json_file import episode_as_json
 from pytest_drive_robust.runner.episode.loop import drive_episode
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.simulators.base import SimulatorOptions
+from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.record_files import write_episode
 from pytest_drive_robust.testing import FakeSimulator
@@ -204,7 +206,7 @@ def test_an_agent_that_cannot_tell_its_plan_is_filmed_without(capsys: pytest.Cap
     assert "no plan is shown: plan raised RuntimeError: not telling" in capsys.readouterr().out
 
 
-def stored(folder: Path, sentence: str) -> Path:
+def stored(folder: Path, sentence: str, route: Route = ROUTE) -> Path:
     """The episode that GOOD drives under a setting, as a run stores it."""
     sys.path.insert(0, str(folder))
     from film_agents import Good  # type: ignore[import-not-found]
@@ -213,13 +215,13 @@ def stored(folder: Path, sentence: str) -> Path:
     result = drive_episode(
         FakeSimulator(SimulatorOptions(tick_cap=40)),
         Good(),
-        route=ROUTE,
+        route=route,
         setting=setting,
         seed=0,
         agent_name="film_agents:Good",
     )
     (folder / "run" / "episodes").mkdir(parents=True, exist_ok=True)
-    path = folder / "run" / "episodes" / f"{EpisodeRequest(result.episode, ROUTE, setting).key}.episode"
+    path = folder / "run" / "episodes" / f"{EpisodeRequest(result.episode, route, setting).key}.episode"
     write_episode(path, result)
     return path
 
@@ -340,6 +342,24 @@ def test_a_run_over_another_route_of_that_id_is_no_comparison(folder: Path, caps
         assert f"200 ms latency: {told}" in shown.out
         assert code == (1 if told == "DIFFERS from the run" else 4)
     assert "the run run.json holds nothing of what was driven, so nothing was compared: it holds 1 episode" in shown.err
+
+
+def test_a_stored_episode_on_another_route_of_that_id_is_no_comparison(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = replace(resolve_routes("2901")[0], id=ROUTE.id)
+    path = stored(folder, "clean", own)
+    for arguments in (["replay", str(path), "--sim", FAKE, "--tick-cap", "40"], [*GOOD, "--run", "run"]):
+        save_routes([own], folder / "own.xml")
+        assert main([*arguments, "--no-video", "--routes", "own.xml"]) == 0
+        (folder / "own.xml").unlink()
+        assert main([*arguments, "--no-video"]) == 4
+        shown = capsys.readouterr()
+        assert shown.out.count("bit for bit") == 1
+        assert "holds nothing of what was driven, so nothing was compared: " in shown.err
+        if "--run" not in arguments:
+            told = f"it is of another route {ROUTE.id}, ParkingExit of 135 m. Name its file with --routes."
+            assert told in shown.err
 
 
 def test_a_store_also_holds_what_earlier_versions_of_an_agent_drove(
