@@ -172,11 +172,11 @@ class Scene:
 
 
 def scenes_of(run: Run) -> Iterator[Scene]:
-    """Yield a scene for each episode under a failure, and for each clean episode that is no other episode's twin.
+    """Yield a scene for each episode under a failure, and for each clean episode that no other scene shows as a twin.
 
     Raises `UsageError` when no episode of the run has a trace.
     """
-    twins = {id(run.twin(result)) for result in run.episodes}
+    twins = {id(run.twin(result)) for result in run.episodes if len(result.trace.rows)}
     chosen = [result for result in run.episodes if id(result) not in twins]
     shown = [result for result in chosen if len(result.trace.rows)]
     if chosen and not any(result.ticks for result in chosen):

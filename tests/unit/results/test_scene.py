@@ -32,6 +32,12 @@ def test_episodes_that_ended_before_a_tick_are_not_said_to_be_missing() -> None:
         list(scenes_of(run_of(broken)))
 
 
+def test_a_clean_episode_is_shown_alone_where_its_twin_ended_before_a_tick() -> None:
+    broken = make_result("101", setting=SETTING, end=End.AGENT_CRASHED, trace=trace_of(0))
+    run = run_of(make_result("101"), broken, make_result("102"), make_result("102", setting=SETTING))
+    assert [list(scene.episodes) for scene in scenes_of(run)] == [["clean"], ["clean", "perturbed"]]
+
+
 def name_of(title: str) -> str:
     return Scene(title, {}, {}).file_name
 
