@@ -78,7 +78,7 @@ class Ladder:
     @property
     def name(self) -> str:
         """The word, and in brackets the failure's unusual fields: `"latency (reading=released)"`."""
-        unusual = brackets(self.template)
+        unusual = brackets(self.template, without=self.field)
         return f"{self.word} ({unusual})" if unusual else self.word
 
 

@@ -160,17 +160,17 @@ def render(perturbation: Spoken) -> str:
     return f"{sentence} ({hidden})" if hidden else sentence
 
 
-def brackets(perturbation: Spoken) -> str:
+def brackets(perturbation: Spoken, *, without: str = "") -> str:
     """Return the text in the brackets: fields that the sentence form does not show and that are not the default.
 
-    Switches that are together those of a reading are shown as `reading=released`.
+    The field `without` is left out. Switches that are together those of a reading are shown as `reading=released`.
     """
     cls, parameters = type(perturbation), perturbation.parameters()
     template, defaults = _form_of(cls, parameters), _defaults(cls)
     unusual = {
         name: value
         for name, value in parameters.items()
-        if name not in template.shown and name not in template.fixed
+        if name not in template.shown and name not in template.fixed and name != without
         if name not in defaults or value != defaults[name]
     }
     hidden = [f"{name}={render_value(value)}" for name, value in unusual.items()]

@@ -169,7 +169,7 @@ class MarginRequirement(Requirement):
         ladder = ladder_of(self.perturbation, dt_s=ANY_TICK_S)
         level = ladder.label(ladder.level_of(self.perturbation))
         limit = self.metric.format_limit(self.limit)
-        others = "".join(f", {unusual}" for unusual in [brackets(self.perturbation)] if unusual)
+        others = "".join(f", {unusual}" for unusual in [brackets(self.perturbation, without=ladder.field)] if unusual)
         return f"{ladder.word} margin >= {level} ({self.metric} {self.comparison} {limit}{others})"
 
 

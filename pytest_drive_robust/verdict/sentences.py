@@ -10,8 +10,8 @@ from textwrap import indent
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.sentences import brackets
-from pytest_drive_robust.perturbations.severity_text import split_outside_quotes
+from pytest_drive_robust.perturbations.sentences import templates_of
+from pytest_drive_robust.perturbations.severity_text import render_value, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.known_metrics import known_metric
 from pytest_drive_robust.verdict.nearest import nearest_sentence
@@ -183,11 +183,21 @@ def _parse_margin(sentence: str, known: Known) -> MarginRequirement | None:
     comparison = _COMPARISONS[found["comparison"] or "<="]
     limit = float(found["limit"]) if found["limit"] else DEFAULT_LIMIT
     failure = _at(ladder, float(found["level"]))
-    setting = Setting.of(failure)
-    if found["others"]:
-        form = str(failure).removesuffix(f" ({brackets(failure)})")  # `others` gives the parameters in brackets
-        setting = Setting.parse(f"{form} ({found['others']})", known)
+    others = found["others"]
+    setting = Setting.parse(_with_parameters(failure, others, ladder.field), known) if others else Setting.of(failure)
     return MarginRequirement(metric, setting, comparison, limit)
+
+
+def _with_parameters(failure: Perturbation, others: str, field: str) -> str:
+    """Return the sentence of the failure with `others` in its brackets, and its severity `field` wherever that stands.
+
+    A sentence that does not show the severity would lose it: the brackets hold it then, beside `others`.
+    """
+    parameters = failure.parameters()
+    form = next(form for form in templates_of(type(failure)) if form.fits(parameters))
+    is_said = field in form.shown or field in form.fixed
+    severity = "" if is_said else f"{field}={render_value(parameters[field])}, "
+    return f"{form.fill(parameters)} ({severity}{others})"
 
 
 def _ladder(words: str, known: Known) -> Ladder:

@@ -69,6 +69,19 @@ def test_a_class_of_a_user_brings_its_own_steps() -> None:
     assert ladder.label(0.1 + 0.2) == "0.3"
 
 
+@dataclass
+class Dirt(Perturbation):
+    share: float = 0.3
+    kind: str = "mud"
+    phrase = "dirt"
+    ladder: ClassVar = ("share", (0.1, 0.3))
+
+
+def test_the_name_holds_no_level_where_the_phrase_shows_none() -> None:
+    assert ladder_of(Dirt, dt_s=0.05).name == "dirt"
+    assert ladder_of(Dirt(kind="rain"), dt_s=0.05).name == "dirt (kind=rain)"
+
+
 def test_a_class_without_steps_is_told_how_to_declare_them() -> None:
     with pytest.raises(PerturbationError, match=r"Blinking has no ladder .* ladder: ClassVar = \('rate_hz', \(mildest"):
         ladder_of(Blinking, dt_s=0.05)

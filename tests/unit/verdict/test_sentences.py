@@ -345,6 +345,30 @@ def test_a_severity_in_words_is_read_back_whatever_the_words_are(maker: str) -> 
 
 
 @dataclass
+class Dirt(Perturbation):
+    """A test's own failure: its phrase does not show the severity that its ladder steps through."""
+
+    share: float = 0.3
+    kind: str = "mud"
+    phrase = "dirt"
+    ladder: ClassVar = ("share", (0.1, 0.3, 0.5))
+
+
+def test_a_margin_keeps_its_severity_where_the_phrase_does_not_show_it() -> None:
+    known = {"dirt": Dirt}
+    for sentence, dirt in (
+        ("dirt margin >= 0.5 (RD <= 0.30)", Dirt(0.5)),
+        ("dirt margin >= 0.5 (RD <= 0.30, kind=rain)", Dirt(0.5, "rain")),
+        ("dirt margin >= 0.3 (RD <= 0.30, kind=rain)", Dirt(0.3, "rain")),
+    ):
+        (margin,) = requirements(sentence, known=known)
+        assert margin.setting == Setting.of(dirt)
+        assert str(margin) == sentence
+    with pytest.raises(RequirementError, match="'share' is said twice"):
+        requirements("dirt margin >= 0.5 (RD <= 0.30, share=0.1)", known=known)
+
+
+@dataclass
 class Late(Perturbation):
     """A test's own failure, called as one of ours: "latency"."""
 
