@@ -16,7 +16,7 @@ from typing import Any
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets
+from pytest_drive_robust.perturbations.sentences import brackets, templates_of
 from pytest_drive_robust.perturbations.severity import whole_ticks
 from pytest_drive_robust.perturbations.severity_text import render_value
 
@@ -83,13 +83,13 @@ class Ladder:
 
 
 def failure_word(cls: type[Perturbation]) -> str:
-    """Return the phrase of a class without its severities and their units.
+    """Return the phrase of a class, else its name in words, without its severities and their units.
 
     >>> from pytest_drive_robust.perturbations import FrameBlend, GpsNoise, InferenceLatency
     >>> failure_word(InferenceLatency), failure_word(GpsNoise), failure_word(FrameBlend)
     ('latency', 'GPS noise', 'frame blend')
     """
-    words = re.sub(r"\{\w+\}(?:\s+(?:ms|m|s)\b)?", " ", cls.phrase or cls.__name__)
+    words = re.sub(r"\{\w+\}(?:\s+(?:ms|m|s)\b)?", " ", templates_of(cls)[-1].text)
     return " ".join(words.split())
 
 

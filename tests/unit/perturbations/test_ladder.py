@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 
 import pytest
 
+from pytest_drive_robust import requirements
 from pytest_drive_robust.errors import PerturbationError
-from pytest_drive_robust.perturbations import BUILTIN, GpsNoise, InferenceLatency, Perturbation, SpeedNoise
+from pytest_drive_robust.perturbations import BUILTIN, GpsNoise, InferenceLatency, Perturbation, Setting, SpeedNoise
 from pytest_drive_robust.perturbations.ladder import failure_word, ladder_of
 
 
@@ -107,6 +108,19 @@ def test_levels_that_the_failure_cannot_have_are_refused_before_anything_is_driv
 def test_failures_are_called_by_the_words_of_their_phrases() -> None:
     words = {failure_word(cls) for cls in BUILTIN.values()}
     assert {"latency", "GPS noise", "burst frame drop", "occlusion", "speed noise", "frame blend"} < words
+
+
+@dataclass
+class LensDirt(Perturbation):
+    share: float = 0.3
+    ladder: ClassVar = ("share", (0.1, 0.3))
+
+
+def test_a_class_without_a_phrase_is_called_in_a_margin_as_in_every_other_sentence() -> None:
+    known = {"lens-dirt": LensDirt}
+    plain, margin = requirements("RD under lens dirt <= 0.3", "lens dirt margin >= 0.1 (RD <= 0.40)", known=known)
+    assert (plain.setting, margin.setting) == (Setting.of(LensDirt()), Setting.of(LensDirt(0.1)))
+    assert str(margin) == "lens dirt margin >= 0.1 (RD <= 0.40)"
 
 
 @pytest.mark.parametrize("given", [GpsNoise(std_m=5) + InferenceLatency(ms=100), "GPS noise"])
