@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import itertools
 import re
 import string
 from collections.abc import Iterable, Mapping, Sequence
@@ -83,7 +84,7 @@ class Template(Generic[_S]):
         usual = {**_defaults(self.cls), **self.cls.example}
         parts: list[str] = []
         for literal, name, _, _ in string.Formatter().parse(self.text):
-            parts.append(_literal(literal, after_number=bool(parts)))
+            parts.append(_literal(literal, after_number=bool(parts), before_field=name is not None))
             if name is not None:
                 value = usual.get(name)
                 is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
@@ -101,9 +102,15 @@ def check_sentences(cls: type[Spoken], others: Iterable[type[Spoken]]) -> None:
                 f"not {CLEAN!r}, without '#', '<=' and '>='."
             )
         try:
-            shown = [part[1:] for part in string.Formatter().parse(form.text) if part[1] is not None]
+            parts = list(string.Formatter().parse(form.text))
         except ValueError as error:
             raise PerturbationError(f"the phrase {form.text!r} of {cls.__name__} is malformed: {error}.") from None
+        shown = [part[1:] for part in parts if part[1] is not None]
+        if any(before[1] and after[1] and not after[0] for before, after in itertools.pairwise(parts)):
+            raise PerturbationError(
+                f"the phrase {form.text!r} of {cls.__name__} has nothing between two fields: put a blank or a word "
+                "there."
+            )
         for name, spec, conversion in shown:
             if spec or conversion or name not in _names(cls) or form.shown.count(name) > 1:
                 raise PerturbationError(
@@ -325,9 +332,11 @@ def _in_unit(name: str, number: float) -> float:
     return number / 1000.0 if name.endswith("_s") and number >= 100.0 else number
 
 
-def _literal(text: str, *, after_number: bool) -> str:
+def _literal(text: str, *, after_number: bool, before_field: bool) -> str:
     """Return words of a template as a pattern; the blank between a number and its unit may be left out."""
     words = r"\s+".join(re.escape(word) for word in text.split())
+    if not words and after_number and before_field:
+        return r"\s+"  # between two fields: without it, 15 would be 1 and 5
     before = r"\s*" if after_number else ""
     after = r"\s+" if words and text[-1:].isspace() else ""
     return before + words + after

@@ -20,7 +20,7 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.perturbations.sentences import parse, render
+from pytest_drive_robust.perturbations.sentences import check_sentences, parse, render
 
 finite = st.floats(0.0, 1e6)
 milliseconds = st.one_of(finite, st.integers(0, 5000))
@@ -291,6 +291,28 @@ def test_a_class_whose_annotations_do_not_resolve_is_read_by_the_looks_of_the_va
 
     for local in (Local("b", 2.5, (1, "x")), Local("5", True, (None,)), Local('"and (', -3, ("a/b", ""))):
         assert parse(render(local), [Local]) == local
+
+
+@dataclass
+class Wobble(Perturbation):
+    metres: float = 1.0
+    hertz: float = 2.0
+    phrase = "wobble {metres} {hertz}"
+
+
+def test_two_numbers_in_a_row_are_not_cut_out_of_one() -> None:
+    assert parse("wobble 1.5  25", [Wobble]) == Wobble(1.5, 25)
+    with pytest.raises(RequirementError, match=r"there is no perturbation 'wobble 15'\. Did you mean 'wobble 15 2'"):
+        parse("wobble 15", [Wobble])
+
+
+def test_a_phrase_with_nothing_between_two_fields_is_refused() -> None:
+    @dataclass
+    class Glued(Wobble):
+        phrase = "wobble {metres}{hertz}"
+
+    with pytest.raises(PerturbationError, match="has nothing between two fields: put a blank or a word there"):
+        check_sentences(Glued, ())
 
 
 def test_a_phrase_that_shows_no_field_is_explained() -> None:
