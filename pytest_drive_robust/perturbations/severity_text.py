@@ -28,7 +28,8 @@ def render_value(value: object) -> str:
     if isinstance(value, numbers.Real):
         return repr(float(value)).removesuffix(".0")
     if isinstance(value, str):
-        return str(value) if _WORD.fullmatch(value) and value.lower() not in _RESERVED else json.dumps(value)
+        word = str.__str__(value)  # `str()` of an enumeration's member is the name of the member
+        return word if _WORD.fullmatch(word) and word.lower() not in _RESERVED else json.dumps(word)
     if isinstance(value, tuple) and not any(isinstance(item, tuple) for item in value):
         return "/".join(map(render_value, value)) + ("/" if len(value) < 2 else "")
     raise PerturbationError(

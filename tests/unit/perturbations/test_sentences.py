@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from typing import ClassVar, Literal
 
 import pytest
@@ -266,6 +267,18 @@ def test_what_a_sentence_does_not_say_is_this() -> None:
 @pytest.mark.parametrize("colour", ["none", "True", "NaN", "inf", "Infinity", "infinity", "12", "-0", "1e3", "1_0"])
 def test_a_word_that_looks_like_something_else_stays_a_word(colour: str) -> None:
     assert Setting.parse(str(Setting.of(LensTint(colour))), THIRD_PARTY) == Setting.of(LensTint(colour))
+
+
+class Colour(str, Enum):
+    RED = "red"
+    DARK_BLUE = "dark blue"
+
+
+@pytest.mark.parametrize("colour", Colour)
+def test_a_member_of_an_enumeration_of_words_is_its_word(colour: Colour) -> None:
+    setting = Setting.of(LensTint(colour))
+    assert str(setting) == str(LensTint(colour.value))
+    assert Setting.parse(str(setting), THIRD_PARTY) == setting
 
 
 def test_a_class_without_a_phrase_is_called_by_its_name() -> None:
