@@ -22,6 +22,7 @@ Both classes stand in one module because each refers to the other: the sum of tw
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -282,7 +283,8 @@ Setting.CLEAN = Setting()
 def check_severities_are_fields(cls: type[Perturbation]) -> None:
     """Raise `PerturbationError` for a class whose severities are no dataclass fields: no sentence would tell them.
 
-    Raise it also where an annotation makes a field of an attribute that describes the class: `phrase: str = "..."`.
+    A parameter of the constructor alone, such as an `InitVar`, is no field. Raise `PerturbationError` also where an
+    annotation makes a field of an attribute that describes the class: `phrase: str = "..."`.
     """
     for base in cls.__mro__:
         if base is not object and "__init__" in vars(base) and "__dataclass_params__" not in vars(base):
@@ -295,4 +297,11 @@ def check_severities_are_fields(cls: type[Perturbation]) -> None:
             raise PerturbationError(
                 f"{cls.__name__} has {field.name!r} as a severity, because it is annotated: write it without an "
                 f"annotation ('{field.name} = ...'), or as ClassVar."
+            )
+    names = {field.name for field in dataclasses.fields(cls)}
+    for parameter in list(inspect.signature(cls.__init__).parameters.values())[1:]:  # without `self`
+        if parameter.name not in names and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD):
+            raise PerturbationError(
+                f"{cls.__name__} is made with {parameter.name!r}, which is no field, so that two failures of one "
+                f"sentence could differ by it: write it as a field ('{parameter.name}: float = ...')."
             )

@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from enum import Enum
 from typing import ClassVar, Literal
 
@@ -357,6 +357,26 @@ def test_severities_that_are_no_fields_are_refused() -> None:
 
     with pytest.raises(PerturbationError, match=r"WeakThrottle has an __init__ of its own.*write @dataclass"):
         Setting.of(WeakThrottle(0.0))
+
+
+def test_what_only_the_constructor_takes_is_refused() -> None:
+    @dataclass
+    class Weak(Perturbation):
+        gain: float = 0.5
+        offset: InitVar[float] = 0.0
+        phrase = "weak {gain}"
+
+    @dataclass
+    class Own(Perturbation):
+        gain: float = 0.5
+        phrase = "own {gain}"
+
+        def __init__(self, gain: float = 0.5, offset: float = 0.0) -> None:
+            self.gain = gain + offset
+
+    for cls in (Weak, Own):
+        with pytest.raises(PerturbationError, match=rf"{cls.__name__} is made with 'offset', which is no field"):
+            Setting.of(cls(0.4))
 
 
 @pytest.mark.parametrize("name", ["phrase", "variants", "example", "ladder", "readings", "files"])
