@@ -10,7 +10,7 @@ from pytest_drive_robust.options.option import GivenText
 from pytest_drive_robust.options.parsers import check_seeds, time_limit_s
 from pytest_drive_robust.options.run import DEFAULT_ROUTES
 from pytest_drive_robust.registry.registry import AgentFactory, default_registry
-from pytest_drive_robust.runner.before_driving import routes_of
+from pytest_drive_robust.runner.before_driving import check_factory, routes_of
 from pytest_drive_robust.runner.cache_key.identity import agent_identity
 from pytest_drive_robust.runner.driver import make_agent
 from pytest_drive_robust.simulators.base import SimulatorOptions
@@ -43,9 +43,10 @@ def _check_agent(options: argparse.Namespace) -> int:
     check_seeds([options.seed], source="--seed")
     act_timeout_s = time_limit_s(GivenText("--act-timeout", options.act_timeout))
     registry = default_registry()
-    make_agent(registry, options.agent)  # an unknown name is said at once, before a world is built
-    agent_identity(options.agent, registry)  # and weights that are not there
     factory = cast("AgentFactory", registry.entry("agents", options.agent).load())
+    check_factory(options.agent, factory)  # what a run refuses is said at once, before a world is built
+    make_agent(registry, options.agent)
+    agent_identity(options.agent, registry)  # weights that are not there
     simulator = registry.simulator(options.sim, SimulatorOptions(tick_cap=_TICK_CAP))
     chosen = options.routes is not None
     spec = options.routes if chosen else default_spec(DEFAULT_ROUTES, simulator, given=False)

@@ -131,6 +131,23 @@ def test_weights_that_are_not_there_exit_with_4(agents_folder: Path, capsys: pyt
     assert "'no-such-file.pt', which cannot be read" in capsys.readouterr().err
 
 
+def test_an_agent_that_a_run_would_refuse_by_its_check_exits_with_4(
+    agents_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = """
+from cli_agents import Good
+from pytest_drive_robust.errors import UsageError
+
+class Checked(Good):
+    @classmethod
+    def check(cls):
+        raise UsageError("the map of Checked is not here")
+"""
+    (agents_folder / "checked_agents.py").write_text(module)
+    assert main(["check-agent", "checked_agents:Checked", "--sim", FAKE]) == 4
+    assert "the map of Checked is not here" in capsys.readouterr().err
+
+
 def test_an_agent_that_leaves_when_it_is_made_exits_with_4_and_not_as_it_said(
     agents_folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
