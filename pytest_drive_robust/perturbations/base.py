@@ -35,7 +35,7 @@ from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.paper_variables import perturbations_from
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import CLEAN, parse_stack, preset, render
+from pytest_drive_robust.perturbations.sentences import CLEAN, parse_stack, preset, render, retyped
 from pytest_drive_robust.perturbations.severity_text import render_value
 
 if TYPE_CHECKING:
@@ -146,8 +146,11 @@ class Perturbation:
         return made
 
     def with_severities(self, **changed: Any) -> Self:
-        """Return a copy with other severities. A reading that was applied stays applied."""
-        made = dataclasses.replace(self, **changed)
+        """Return a copy with other severities, each number in the type of its default.
+
+        A reading that was applied stays applied.
+        """
+        made = dataclasses.replace(self, **{**changed, **retyped(type(self), changed)})
         vars(made).update(_said=self._was_said().union(changed), _read=vars(self).get("_read", False))
         return made
 
@@ -192,7 +195,7 @@ class Setting:
 
     @classmethod
     def of(cls, *perturbations: Perturbation) -> Setting:
-        """Return the setting of these perturbations.
+        """Return the setting of these perturbations, each number in the type of its default (see `retyped`).
 
         Raises `PerturbationError` for anything but a `Perturbation` object, and for a perturbation whose severities are
         no dataclass fields.
@@ -202,7 +205,9 @@ class Setting:
                 what = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
                 raise PerturbationError(f"a setting is made of Perturbation objects, but {what} was given")
             check_severities_are_fields(type(given))
-        return cls(tuple(perturbations))
+        numbers = [retyped(type(item), item.parameters()) for item in perturbations]
+        changed = zip(perturbations, numbers, strict=True)
+        return cls(tuple(item.with_severities(**others) if others else item for item, others in changed))
 
     @classmethod
     def parse(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
@@ -210,7 +215,7 @@ class Setting:
 
         Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
         """
-        return cls(parse_stack(text, (BUILTIN if known is None else known).values()))
+        return cls.of(*parse_stack(text, (BUILTIN if known is None else known).values()))
 
     @classmethod
     def from_env(cls, environ: Mapping[str, str] = os.environ) -> Setting:

@@ -16,7 +16,7 @@ from typing import Any
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets, templates_of
+from pytest_drive_robust.perturbations.sentences import brackets, retyped, templates_of
 from pytest_drive_robust.perturbations.severity import whole_ticks
 from pytest_drive_robust.perturbations.severity_text import render_value
 
@@ -126,6 +126,7 @@ def ladder_of(
         )
     changed: dict[str, Any] = {field: steps[0]}
     usual_others = {**cls.example, **changed}
+    usual_others |= retyped(cls, usual_others)
     template = cls(**usual_others) if isinstance(perturbation, type) else perturbation.with_severities(**changed)
     tick_ms = 1000.0 * dt_s if cls.ladder is not None and cls.ladder[1] == "ticks" else None
     template = template if reading is None else template.read_as(reading)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 
 import jsonschema
+import pytest
 from published_schema import run_schema
 from suite_runs import run
 
@@ -46,6 +47,46 @@ def test_the_largest_severity_that_holds_is_a_bracket_that_compares(suite, drive
     assert (first["failure"], first["metric"], first["rule"], first["holds"]) == ("throttle", "RD", "point", 0.7)
     assert first["breaks"] == 0.5
     result.stdout.fnmatch_lines(["steady: RD <= 0.30 under throttle: holds at 0.7, breaks at 0.5 *"])
+
+
+SLOW_BUS = """
+
+from collections import deque
+
+
+@dataclass
+class SlowBus(Perturbation):
+    ticks: int = 2
+    phrase = "slow bus {ticks}"
+    ladder = ("ticks", (1, 2, 4))
+
+    def reset(self, context):
+        self._waiting = deque([Control()] * self.ticks)
+
+    def actuate(self, tick, control, inference_s):
+        self._waiting.append(control or Control())
+        return self._waiting.popleft()
+
+
+_register = pytest_drive_robust_register
+
+
+def pytest_drive_robust_register(registry):
+    _register(registry)
+    registry.register_perturbation(SlowBus)
+"""
+SEARCH_SLOW_BUS = """
+from pytest_drive_robust.registry.registry import default_registry
+
+def test_search(drive):
+    assert drive.largest(default_registry().perturbations()["slow-bus"], limit=0.9).holds == 4
+"""
+
+
+@pytest.mark.parametrize("executor", ["inline", "processes"])
+def test_a_severity_of_whole_numbers_is_searched_for_in_whole_numbers(suite, executor):
+    suite_ = suite("slow bus margin >= 4 (RD <= 0.90)", test=SEARCH_SLOW_BUS, conftest=SLOW_BUS)
+    run(suite_, "--drive-executor", executor).assert_outcomes(passed=2)
 
 
 def test_a_margin_that_is_not_met_says_how_far_the_agent_gets(suite):

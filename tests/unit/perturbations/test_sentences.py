@@ -4,6 +4,7 @@ from dataclasses import InitVar, dataclass
 from enum import Enum
 from typing import ClassVar, Literal
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -279,6 +280,42 @@ def test_a_member_of_an_enumeration_of_words_is_its_word(colour: Colour) -> None
     setting = Setting.of(LensTint(colour))
     assert str(setting) == str(LensTint(colour.value))
     assert Setting.parse(str(setting), THIRD_PARTY) == setting
+
+
+@dataclass
+class Exposure(Perturbation):
+    gain: float = 1.5
+    frames: int = 3
+    colour: Colour = Colour.RED
+    offset: float | None = None
+    phrase = "exposure {gain}"
+    example: ClassVar = {"offset": 0.5}
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        Exposure(2, 4.0, "dark blue", 1),  # type: ignore[arg-type]
+        Exposure(np.float32(2.0), np.int64(4), Colour.DARK_BLUE, 1.0),  # type: ignore[arg-type]
+    ],
+)
+def test_a_severity_has_the_type_of_its_default_however_it_is_given(given: Exposure) -> None:
+    sentence = 'exposure 2 (frames=4, colour="dark blue", offset=1)'
+    for setting in (Setting.of(given), given + GpsNoise(), Setting.parse(sentence, {"exposure": Exposure})):
+        values = setting.perturbations[0].parameters().values()
+        assert [*map(repr, values)] == ["2.0", "4", repr(Colour.DARK_BLUE), "1.0"]
+    assert str(Setting.of(given)) == sentence
+
+
+def test_a_severity_that_no_default_s_type_can_hold_is_left_to_the_class() -> None:
+    odd = Exposure(10**400, 4.5, "black", None)  # type: ignore[arg-type]
+    assert Setting.of(odd).perturbations[0] is odd
+    assert type(Setting.of(Exposure(frames=True)).perturbations[0].parameters()["frames"]) is bool
+
+
+@given(perturbations)
+def test_a_built_in_failure_has_these_types_itself(perturbation: Perturbation) -> None:
+    assert Setting.of(perturbation).perturbations[0] is perturbation
 
 
 def test_a_class_without_a_phrase_is_called_by_its_name() -> None:
