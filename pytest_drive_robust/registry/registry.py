@@ -15,8 +15,10 @@ from __future__ import annotations
 
 import functools
 import itertools
+import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from types import CellType, FunctionType
 from typing import cast
 
 from pytest_drive_robust.domain.agent import Agent
@@ -297,11 +299,24 @@ def forget_names(kept: int = 0) -> None:
 
 
 def _plain_options(target: object) -> dict[str, object]:
-    """Return the comparable arguments of a `functools.partial`, text and numbers, by name or by position."""
-    if not isinstance(target, functools.partial):
-        return {}
-    given = {**{str(place): value for place, value in enumerate(target.args)}, **target.keywords}
-    return {name: value for name, value in given.items() if isinstance(value, (str, int, float))}
+    """Return the comparable values that a factory was made with, text, numbers and paths, by name or by position.
+
+    They are the arguments of a `functools.partial`, the variables around an inner function and its defaults, and the
+    attributes of a callable object.
+    """
+    if isinstance(target, functools.partial):
+        given = {**_plain_options(target.func), **_by_place(target.args), **target.keywords}
+    elif isinstance(target, FunctionType):
+        names, cells = target.__code__.co_freevars, target.__closure__ or ()
+        around = {name: cell.cell_contents for name, cell in zip(names, cells, strict=True) if cell != CellType()}
+        given = {**around, **_by_place(target.__defaults__ or ()), **(target.__kwdefaults__ or {})}
+    else:
+        given = {} if isinstance(target, type) else dict(getattr(target, "__dict__", {}))
+    return {name: value for name, value in given.items() if isinstance(value, (str, int, float, os.PathLike))}
+
+
+def _by_place(values: Iterable[object]) -> dict[str, object]:
+    return {str(place): value for place, value in enumerate(values)}
 
 
 def _metric_name_problem(name: str) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -80,6 +82,32 @@ def test_one_factory_with_other_options_is_not_registered_under_the_same_name() 
     registry.register_agent("driver", functools.partial(_of_speed, speed_mps=2.0))
     with pytest.raises(UsageError, match=r"registered twice: by .*_of_speed with \{'speed_mps': 2.0\} and with"):
         registry.register_agent("driver", fast)
+
+
+def _driver_of(speed_mps: float) -> Callable[[], ScriptedAgent]:
+    def driver() -> ScriptedAgent:
+        return _of_speed(speed_mps)
+
+    return driver
+
+
+@dataclass
+class _Driver:
+    speed_mps: float
+
+    def __call__(self) -> ScriptedAgent:
+        return _of_speed(self.speed_mps)
+
+
+@pytest.mark.parametrize("of_speed", [_driver_of, _Driver, lambda speed_mps: lambda speed=speed_mps: _of_speed(speed)])
+def test_one_definition_that_was_made_with_other_values_is_not_registered_under_the_same_name(
+    of_speed: Callable[[float], Callable[[], ScriptedAgent]],
+) -> None:
+    registry = Registry()
+    registry.register_agent("driver", of_speed(2.0))
+    registry.register_agent("driver", of_speed(2.0))
+    with pytest.raises(UsageError, match=r"'driver' of agents is registered twice: .* with \{'\w+': 2.0\} and with"):
+        registry.register_agent("driver", of_speed(8.0))
 
 
 def test_the_same_definition_may_register_again_as_when_a_conftest_is_imported_twice() -> None:
