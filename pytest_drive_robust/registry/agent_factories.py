@@ -6,6 +6,7 @@ import functools
 import inspect
 import os
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pytest_drive_robust.errors import PluginError, UnknownNameError, UsageError
@@ -82,7 +83,7 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
     """Return the factory with the options of a text such as `"mode=ctrl+engine=onnx"`.
 
     An option is a parameter of the factory with a default. The option's value has the default's type: a number, a word,
-    `true` or `false`; a word when the default is None. Raises `UsageError` for an option that does not parse and
+    a path, `true` or `false`; a word when the default is None. Raises `UsageError` for an option that does not parse,
     `UnknownNameError` for an option that the agent does not have; both name `agent`. Raises `PluginError` when the
     factory cannot be called.
     """
@@ -91,7 +92,7 @@ def configured(agent: str, factory: object, text: str) -> ConfiguredFactory:
     known = {
         name: parameter.default
         for name, parameter in inspect.signature(factory).parameters.items()
-        if parameter.default is None or isinstance(parameter.default, (bool, int, float, str))
+        if parameter.default is None or isinstance(parameter.default, (bool, int, float, str, os.PathLike))
     }
     options: dict[str, object] = {}
     for option in text.split(_BETWEEN):
@@ -111,6 +112,8 @@ def _value(agent: str, name: str, text: str, default: object) -> object:
     """Return `text` as a value of the default's type. Raises `UsageError` when that is not possible."""
     if default is None or isinstance(default, str):
         return text
+    if isinstance(default, os.PathLike):
+        return Path(text)
     kind: Callable[[str], object] = _FLAGS.__getitem__ if isinstance(default, bool) else type(default)
     try:
         return kind(text)

@@ -64,6 +64,21 @@ def test_options_have_the_type_of_their_defaults(registry: Registry, name: str, 
     assert registry.entry("agents", name).name == name
 
 
+def test_a_path_may_be_an_option_and_its_file_belongs_to_the_weights(tmp_path: Path) -> None:
+    class Loads(ScriptedAgent):
+        def __init__(self, model: Path = tmp_path / "usual.bin") -> None:
+            super().__init__([Control()])
+            self.model = model
+
+    own = tmp_path / "own.bin"
+    own.write_bytes(b"own")
+    registry = Registry()
+    registry.register_agent("loads", Loads)
+    name = f"loads:model={own}"
+    assert registry.agent(name).model == own  # type: ignore[attr-defined]
+    assert registry.entry("agents", name).load().weights == [own]  # type: ignore[attr-defined]
+
+
 def test_what_the_class_tells_of_its_agents_the_configured_factory_tells(registry: Registry) -> None:
     factory = registry.entry("agents", "mine:speed=4").load()
     assert has_portable_bits(factory)
