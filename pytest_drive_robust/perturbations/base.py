@@ -55,7 +55,7 @@ class Perturbation:
       differ from their defaults: `"200 ms latency (mode=hold)"`. A phrase is not inherited: a class without a phrase
       is called by its own name in words.
     * `variants` are special sentences with the fields that they imply:
-      `{"measured latency": {"mode": "measured"}}`.
+      `{"measured latency": {"mode": "measured"}}`. They are not inherited either.
     * `example` has usual values of the fields without default, for the sentences that messages propose.
     * `ladder` names the severity that searches and strategies step through, and its values from mild to severe:
       `("gain", (0.9, 0.5, 0.1))`. `("ms", "ticks")` steps by whole ticks in milliseconds, up to a second.
@@ -73,11 +73,10 @@ class Perturbation:
     files: ClassVar[Sequence[str | os.PathLike[str]]] = ()
 
     def __init_subclass__(cls, **options: object) -> None:
-        """Drop an inherited `phrase`: two failures with the same sentence would be driven and stored as one."""
+        """Drop inherited sentences: two failures with the same sentence would be driven and stored as one."""
         super().__init_subclass__(**options)
-        if "phrase" not in vars(cls):
-            cls.phrase = ""
-            cls.variants = vars(cls).get("variants", {})
+        cls.phrase = vars(cls).get("phrase", "")
+        cls.variants = vars(cls).get("variants", {})
 
     def __new__(cls, *args: object, **severities: object) -> Self:
         """Note which severities the caller gives, so that a reading sets only the others."""

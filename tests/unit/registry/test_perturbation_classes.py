@@ -8,7 +8,7 @@ import pytest
 from registry_samples import Install, NoisyWheel
 
 from pytest_drive_robust.errors import PluginError
-from pytest_drive_robust.perturbations.base import Perturbation
+from pytest_drive_robust.perturbations import BUILTIN, Perturbation
 from pytest_drive_robust.registry.registry import Registry
 
 
@@ -94,6 +94,14 @@ def test_one_failure_by_two_names_and_one_that_replaces_another_are_told_apart(i
     registry.register_perturbation(dimmed, "also-dimmed")
     assert {"dimmed", "also-dimmed"} <= registry.perturbations().keys()
     assert registry.problems() == ()
+
+
+def test_a_failure_derived_from_a_built_in_one_needs_a_phrase_only() -> None:
+    for cls in BUILTIN.values():
+        derived = dataclass(type("Derived", (cls,), {"phrase": f"derived {cls.phrase}"}))
+        registry = Registry()
+        registry.register_perturbation(derived)
+        assert registry.perturbations()["derived"] is derived
 
 
 def test_severities_of_a_class_that_nobody_made_a_dataclass_are_refused_with_what_to_write() -> None:
