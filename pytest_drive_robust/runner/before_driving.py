@@ -34,7 +34,7 @@ def routes_of(spec: str, world: Simulator, load: Callable[[str], tuple[Route, ..
     """Return the routes of `spec` as `routes_for` does.
 
     Raises `UsageError` for a bad spec. Raises `PluginError` when a world with its own routes gives no route, two routes
-    with one id, or an id or scenario type that is no text.
+    with one id, an id that `--drive-routes` could not name, or an id or scenario type that is no text.
     """
     if own_routes(world) is None:
         return routes_for(spec, world, load)
@@ -45,6 +45,12 @@ def routes_of(spec: str, world: Simulator, load: Callable[[str], tuple[Route, ..
     for what, given in (*(("id", name) for name in ids), *(("scenario of the type", name) for name in types)):
         if not isinstance(given, str):
             raise PluginError(f"the simulator {world.name!r} gives a route with the {what} {given!r}, expected text.")
+    unnamed = next((name for name in ids if not name or "," in name or name != name.strip()), None)
+    if unnamed is not None:
+        raise PluginError(
+            f"the simulator {world.name!r} gives a route with the id {unnamed!r}, which --drive-routes could not name: "
+            "expected text without commas and without blanks at its ends."
+        )
     twice = sorted({name for name in ids if ids.count(name) > 1})
     if twice:
         raise PluginError(

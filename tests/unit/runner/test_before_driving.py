@@ -30,6 +30,9 @@ def broken(*_: object) -> object:
         (lambda names: (), "gives no route for 'fake', expected at least one"),
         (lambda names: (fake_route("1"), fake_route("1")), "gives two routes with the id '1', expected each once"),
         (lambda names: (replace(fake_route(), id=7),), "gives a route with the id 7, expected text"),
+        (lambda names: (fake_route("a,b"),), "gives a route with the id 'a,b', which --drive-routes could not name"),
+        (lambda names: (fake_route(" a"),), "gives a route with the id ' a', which --drive-routes could not name"),
+        (lambda names: (fake_route(""),), "gives a route with the id '', which --drive-routes could not name"),
         (lambda names: (replace(fake_route(), scenario=None),), "'NoneType' object has no attribute 'type'"),
         (
             lambda names: (replace(fake_route(), scenario=replace(fake_route().scenario, type=None)),),
