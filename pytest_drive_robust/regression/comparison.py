@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from statistics import fmean
 
 from pytest_drive_robust.errors import UsageError, first_few
-from pytest_drive_robust.perturbations.base import Setting
+from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.allowance import Allowance
+from pytest_drive_robust.regression.clean_settings import clean_sentence
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
 from pytest_drive_robust.regression.fingerprint import Fingerprint, Mismatch, mismatches
 from pytest_drive_robust.regression.shared_routes import Pair, Shared, other_content, pairs_of
@@ -182,14 +183,7 @@ def _rise(
 
 
 def _clean_sentence(setting: str) -> str:
-    """Return the sentence of the clean drive that `setting` is compared with.
-
-    The result is `"clean"`, or a clean drive with equal warm-up; for a setting with an unknown perturbation, `"clean"`.
-    """
-    try:
-        return str(Setting.parse(setting).baseline)
-    except UsageError:  # a stored run may hold a user's perturbation that cannot be imported here
-        return str(Setting.CLEAN)
+    return clean_sentence(setting, default_registry())
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:

@@ -14,6 +14,7 @@ from pytest_drive_robust.domain.route import Route
 from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.regression.clean_settings import clean_sentence
 from pytest_drive_robust.regression.document import damaged, episode_of, routes_of_one_id
 from pytest_drive_robust.regression.references import project_store, read_run_document
 from pytest_drive_robust.runner.before_driving import routes_of
@@ -91,7 +92,7 @@ class RunRecords:
             keys=keys,
             routes=routes,
             simulator=simulator,
-            baselines={name: _found(partial(_baseline, name, registry), str(Setting.CLEAN)) for name in settings},
+            baselines={name: clean_sentence(name, registry) for name in settings},
         )
 
     def route(self, route_id: str) -> Route | None:
@@ -153,10 +154,6 @@ def _result(episode: Episode, item: Mapping[str, Any], find: Find) -> EpisodeRes
     if stored is not None and (stored.episode, stored.end.value, stored.trace.digest) == said:
         return stored
     return episode_of(item)
-
-
-def _baseline(setting: str, registry: Registry) -> str:
-    return str(Setting.parse(setting, registry.perturbations()).baseline)
 
 
 def _found(look_up: Callable[[], T], otherwise: S) -> T | S:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import pytest
 from hypothesis import given
@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from snapshot_factory import PRINT, cell, route_score, snapshot, with_versions
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.perturbations import Perturbation
+from pytest_drive_robust.registry.registry import default_registry, forget_names, hide_names
 from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.comparison import compare
 from pytest_drive_robust.regression.comparison_result import Terms
@@ -245,6 +247,29 @@ def test_rd_under_a_setting_with_a_warm_up_reads_the_clean_scores_of_that_warm_u
     warm, late = "0 ms latency (reading=released)", "200 ms latency (reading=released)"
     run = snapshot(cell([100.0] * 4), cell([80.0] * 4, setting=warm), cell([60.0] * 4, setting=late))
     assert compare(run, run).cells[2].before.rd == pytest.approx(0.25)
+
+
+@dataclass
+class Dimmed(Perturbation):
+    """A failure of a user with a warm-up of its own."""
+
+    gain: float = 0.5
+    warmup_ticks: int = 40
+    phrase = "dimmed camera {gain}"
+
+
+def test_rd_under_a_failure_of_a_user_reads_the_clean_scores_of_the_warm_up_of_the_stack() -> None:
+    warm, late = "0 ms latency (reading=released)", "dimmed camera 0.5 and 200 ms latency (reading=released)"
+    run = snapshot(cell([100.0] * 4), cell([80.0] * 4, setting=warm), cell([60.0] * 4, setting=late))
+    assert compare(run, run).cells[2].before.rd == pytest.approx(0.25)
+    warmer = cell([50.0] * 4, setting="0 ms latency (mode=hold, warmup_ticks=40)")
+    run = snapshot(cell([100.0] * 4), warmer, cell([30.0] * 4, setting=late))
+    kept = hide_names()
+    try:
+        default_registry().register_perturbation(Dimmed)
+        assert compare(run, run).cells[2].before.rd == pytest.approx(0.4)
+    finally:
+        forget_names(kept)
 
 
 def test_rd_under_the_failure_of_a_user_reads_the_clean_scores() -> None:
