@@ -121,7 +121,7 @@ def check_sentences(cls: type[Spoken], others: Iterable[type[Spoken]]) -> None:
                 )
     for other in others:
         for said, heard in ((cls, other), (other, cls)) if other is not cls else ():
-            for sentence in filter(None, (_example(form, []) for form in templates_of(said))):
+            for sentence in map(_sample, templates_of(said)):
                 if _match(sentence, [heard]) is not None:
                     raise PerturbationError(
                         f"{sentence!r} is a sentence of {cls.__name__} and of {other.__name__}. Give {cls.__name__} a "
@@ -351,6 +351,13 @@ def _example(form: Template[_S], numbers: list[float]) -> str | None:
         with contextlib.suppress(UsageError, ValueError):  # an impossible severity is no example
             return form.fill(_built(form.cls, values).parameters())
     return None
+
+
+def _sample(form: Template[_S]) -> str:
+    """Return the example of a form, else a sentence of the form whose severities may be impossible."""
+    usual = {**_defaults(form.cls), **form.cls.example, **form.fixed}
+    shown = {name: usual[name] if isinstance(usual.get(name), (int, float, str)) else 1 for name in form.shown}
+    return _example(form, []) or form.fill(shown)
 
 
 def _in_unit(name: str, number: float) -> float:

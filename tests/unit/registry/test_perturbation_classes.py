@@ -86,6 +86,16 @@ def test_two_failures_of_one_sentence_are_both_left_out_with_their_origins(insta
     assert "'dimmed 0.5' is a sentence of Entry and of Dimmed" in str(problem)
 
 
+def test_two_failures_of_one_sentence_are_told_apart_without_a_default_of_their_severities() -> None:
+    registry = Registry()
+    for name, severity in (("One", "gain"), ("Other", "factor")):
+        body = {"__annotations__": {severity: float}, "phrase": f"dimmed {{{severity}}}"}
+        registry.register_perturbation(dataclass(type(name, (Perturbation,), body)))
+    assert not {"one", "other"} & registry.perturbations().keys()
+    (problem,) = registry.problems()
+    assert "'dimmed 1' is a sentence of One and of Other" in str(problem)
+
+
 def test_one_failure_by_two_names_and_one_that_replaces_another_are_told_apart(install: Install) -> None:
     install("dims", "1.0", group="perturbations", entry="dimmed", source="1 / 0")
     registry = Registry()
