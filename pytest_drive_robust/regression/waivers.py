@@ -23,9 +23,10 @@ import sys
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from datetime import date, datetime
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -82,7 +83,12 @@ class Waivers:
     """The waivers of a run."""
 
     def __init__(self, waivers: Sequence[Waiver] = ()) -> None:
-        self._waivers = tuple(waivers)
+        self._read = tuple(waivers)
+
+    @cached_property
+    def _waivers(self) -> tuple[Waiver, ...]:
+        """The waivers, first asked for when tests run: a conftest.py beside the tests may name failures until then."""
+        return tuple(replace(waiver, requirement=_as_judged(waiver.requirement)) for waiver in self._read)
 
     @classmethod
     def of(cls, path: Path | None) -> Waivers:

@@ -180,6 +180,37 @@ def test_an_id_and_a_pattern_waive_too(waived):
     assert run(waived(RED, requirement="rd-throttle-*", agent="st*")).ret == 0
 
 
+OWN_CONFTEST = """
+from dataclasses import dataclass, replace
+from pytest_drive_robust import Perturbation
+
+@dataclass
+class WeakPedal(Perturbation):
+    share: float = 1.0
+    phrase = "weak pedal {share}"
+
+    def actuate(self, tick, control, inference_s):
+        return None if control is None else replace(control, throttle=control.throttle * self.share)
+
+def pytest_drive_robust_register(registry):
+    registry.register_perturbation(WeakPedal)
+"""
+OWN_TEST = """
+from pytest_drive_robust import requirements
+
+def test_own(drive):
+    drive.check(requirements("RD under weak pedal 0.3 <= 0.30")[0])
+"""
+
+
+def test_a_failure_that_a_conftest_below_the_root_names_is_waived_however_its_sentence_is_spelt(waived):
+    folder = waived(GREEN, requirement="RD under weak pedal 0.30 <= 0.3")
+    (folder.path / "suites" / "own").mkdir()
+    (folder.path / "suites" / "own" / "conftest.py").write_text(OWN_CONFTEST)
+    (folder.path / "suites" / "own" / "test_own.py").write_text(OWN_TEST)
+    run(folder).assert_outcomes(passed=1, xfailed=1)
+
+
 def test_another_agent_is_not_waived(waived):
     assert run(waived(RED, agent="seer")).ret == 1
 

@@ -76,8 +76,8 @@ def test_an_id_covers_where_xdist_adds_a_group(nodeid: str) -> None:
 
 def test_of_several_waivers_the_longest_counts() -> None:
     short, long = (Waiver("RD*", "planning", "why", LAST_DAY + timedelta(days=n)) for n in (0, 5))
-    assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") is long
-    assert Waivers([long, short]).find(SENTENCE, NODEID, agent="driver") is long
+    assert Waivers([short, long]).find(SENTENCE, NODEID, agent="driver") == long
+    assert Waivers([long, short]).find(SENTENCE, NODEID, agent="driver") == long
     assert Waivers().find(SENTENCE, NODEID, agent="driver") is None
 
 
