@@ -307,8 +307,16 @@ def _as_type(kind: type, value: object) -> object:
 def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
     try:
         return cls(**values)
-    except (TypeError, ValueError) as error:
-        raise PerturbationError(f"{cls.__name__} cannot be built from a sentence: {error}") from error
+    except UsageError:
+        raise
+    except Exception as error:  # a user's class may raise anything, as by an `assert`
+        raise refused_by(cls, error) from error
+
+
+def refused_by(cls: type[Spoken], error: Exception) -> PerturbationError:
+    """Return the error for severities for which the constructor of a user's class raised `error`."""
+    said = str(error) if isinstance(error, (TypeError, ValueError)) else f"{type(error).__name__}: {error}"
+    return PerturbationError(f"{cls.__name__} cannot be built from a sentence: {said}")
 
 
 def _form_of(cls: type[_S], parameters: Mapping[str, object]) -> Template[_S]:

@@ -10,7 +10,7 @@ from textwrap import indent
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.sentences import templates_of
+from pytest_drive_robust.perturbations.sentences import refused_by, templates_of
 from pytest_drive_robust.perturbations.severity_text import render_value, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.known_metrics import known_metric
@@ -221,7 +221,9 @@ def _ladder(words: str, known: Known) -> Ladder:
         return ladder_of(graded[0], dt_s=ANY_TICK_S)
     except PerturbationError as error:
         raise RequirementError(str(error)) from None
-    except (TypeError, ValueError) as error:  # of the class itself
+    except UsageError:
+        raise
+    except Exception as error:  # of the class itself
         raise RequirementError(f"{graded[0].__name__} cannot be built from its ladder: {error}.") from None
 
 
@@ -229,9 +231,10 @@ def _at(ladder: Ladder, level: float) -> Perturbation:
     """Return the failure at severity `level`. Raises `PerturbationError`, also in place of errors of its class."""
     try:
         return ladder.at(level)
-    except (TypeError, ValueError) as error:
-        told = f"{type(ladder.template).__name__} cannot be built from a sentence: {error}"
-        raise PerturbationError(told) from error
+    except UsageError:
+        raise
+    except Exception as error:  # of the class itself
+        raise refused_by(type(ladder.template), error) from error
 
 
 def _left_side(text: str) -> tuple[str, str, str]:

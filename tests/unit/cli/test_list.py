@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from pytest_drive_robust.cli.main import main
-from pytest_drive_robust.registry.registry import forget_names, hide_names
+from pytest_drive_robust.perturbations import Perturbation
+from pytest_drive_robust.registry.registry import default_registry, forget_names, hide_names
 
 pytestmark = pytest.mark.usefixtures("agents_folder")
 
@@ -23,6 +25,29 @@ def test_a_perturbation_is_shown_with_the_sentence_that_one_types(capsys: pytest
     assert main(["list", "perturbations"]) == 0
     shown = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert ["inference-latency", "200", "ms", "latency", "built", "in"] in shown
+
+
+@dataclass
+class Strict(Perturbation):
+    gain: float = 0.0
+    phrase = "strict {gain}"
+
+    def __post_init__(self) -> None:
+        assert self.gain > 0.0
+
+
+def test_a_perturbation_that_refuses_its_own_default_is_shown_without_a_sentence(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    kept = hide_names()
+    try:
+        default_registry().register_perturbation(Strict)
+        assert main(["list", "perturbations"]) == 0
+    finally:
+        forget_names(kept)
+    assert ["strict", "test_list.py:Strict"] in [
+        [line.split()[0], line.split()[-1].rpartition("/")[2]] for line in capsys.readouterr().out.splitlines() if line
+    ]
 
 
 def test_list_of_one_kind_shows_no_other(capsys: pytest.CaptureFixture[str]) -> None:

@@ -365,6 +365,23 @@ def test_a_phrase_with_nothing_between_two_fields_is_refused() -> None:
         check_sentences(Glued, ())
 
 
+@dataclass
+class Asserted(Perturbation):
+    gain: float = 0.0
+    phrase = "asserted {gain}"
+
+    def __post_init__(self) -> None:
+        assert 0.0 < self.gain <= 1.0, "a share"
+
+
+def test_an_assert_of_a_class_refuses_the_severity_and_spoils_no_suggestion() -> None:
+    known = {"asserted": Asserted, **BUILTIN}
+    with pytest.raises(PerturbationError, match="Asserted cannot be built from a sentence: AssertionError: a share"):
+        Setting.parse("asserted 3", known)
+    with pytest.raises(RequirementError, match=r"no perturbation '3 ms latenzy'\. Did you mean '3 ms latency'"):
+        Setting.parse("3 ms latenzy", known)
+
+
 def test_a_phrase_that_shows_no_field_is_explained() -> None:
     class Forgot(Perturbation):
         gain: float = 0.5
