@@ -15,7 +15,7 @@ from pytest_drive_robust.perturbations.frame_blend import FrameBlend
 from pytest_drive_robust.perturbations.inference_latency import InferenceLatency
 from pytest_drive_robust.perturbations.partial_observation import PartialObservation
 from pytest_drive_robust.perturbations.sensor_delay import SensorDelay
-from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.sentence_forms import kebab_name
 from pytest_drive_robust.perturbations.stack import RunningStack
 
 __all__ = [

@@ -35,8 +35,9 @@ from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.context import EpisodeContext, Spans
 from pytest_drive_robust.perturbations.paper_variables import perturbations_from
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import CLEAN, parse_stack, preset, render, retyped
+from pytest_drive_robust.perturbations.sentences import CLEAN, parse_stack, preset, render
 from pytest_drive_robust.perturbations.severity_text import render_value
+from pytest_drive_robust.perturbations.severity_types import retyped
 
 if TYPE_CHECKING:
     from typing_extensions import Self

@@ -16,9 +16,11 @@ from typing import Any
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation
 from pytest_drive_robust.perturbations.readings import DriveReading
-from pytest_drive_robust.perturbations.sentences import brackets, retyped, templates_of
+from pytest_drive_robust.perturbations.sentence_forms import templates_of
+from pytest_drive_robust.perturbations.sentences import brackets
 from pytest_drive_robust.perturbations.severity import whole_ticks
 from pytest_drive_robust.perturbations.severity_text import render_value
+from pytest_drive_robust.perturbations.severity_types import retyped
 
 _LONGEST_DELAY_S = 1.0
 _ROUNDING = 1e-9  # a second by the length of a tick may come out a hair below a whole number

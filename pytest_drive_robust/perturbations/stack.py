@@ -12,7 +12,7 @@ from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.context import EpisodeContext
-from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.sentence_forms import kebab_name
 
 
 class RunningStack:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pytest_drive_robust.errors import PerturbationError, PluginError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, check_severities_are_fields
-from pytest_drive_robust.perturbations.sentences import check_sentences
+from pytest_drive_robust.perturbations.sentence_checks import check_sentences
 
 if TYPE_CHECKING:
     from pytest_drive_robust.registry.entries import Entry

@@ -30,7 +30,7 @@ from pytest_drive_robust.errors import (
 )
 from pytest_drive_robust.metrics.table import METRICS, MetricFunction
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.sentences import kebab_name
+from pytest_drive_robust.perturbations.sentence_forms import kebab_name
 from pytest_drive_robust.registry.built_in import BUILT_IN, built_in_entries, is_built_in_simulator
 from pytest_drive_robust.registry.entries import (
     KINDS,

@@ -12,7 +12,8 @@ from pytest_drive_robust.domain.result import Injection
 from pytest_drive_robust.errors import PerturbationError, UsageError, did_you_mean, nearest
 from pytest_drive_robust.perturbations.base import Perturbation, Setting, check_severities_are_fields
 from pytest_drive_robust.perturbations.context import EpisodeContext
-from pytest_drive_robust.perturbations.sentences import check_sentences, kebab_name
+from pytest_drive_robust.perturbations.sentence_checks import check_sentences
+from pytest_drive_robust.perturbations.sentence_forms import kebab_name
 from pytest_drive_robust.perturbations.stack import inference_problem, observation_problem
 from pytest_drive_robust.runner.episode.contract import BLAMED, blame
 from pytest_drive_robust.testing.driving import first_difference, first_difference_seen, observation_digest

@@ -10,7 +10,7 @@ from difflib import SequenceMatcher
 from pytest_drive_robust.errors import nearest
 from pytest_drive_robust.metrics.table import METRICS
 from pytest_drive_robust.perturbations.base import Perturbation
-from pytest_drive_robust.perturbations.sentences import templates_of
+from pytest_drive_robust.perturbations.sentence_forms import templates_of
 from pytest_drive_robust.perturbations.severity_text import render_value
 from pytest_drive_robust.verdict.known_metrics import metric_names
 

@@ -10,7 +10,8 @@ from textwrap import indent
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.sentences import refused_by, templates_of
+from pytest_drive_robust.perturbations.sentence_forms import templates_of
+from pytest_drive_robust.perturbations.sentences import refused_by
 from pytest_drive_robust.perturbations.severity_text import render_value, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.verdict.known_metrics import known_metric

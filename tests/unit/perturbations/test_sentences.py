@@ -22,7 +22,8 @@ from pytest_drive_robust.perturbations import (
     Setting,
     SpeedNoise,
 )
-from pytest_drive_robust.perturbations.sentences import check_sentences, parse, render
+from pytest_drive_robust.perturbations.sentence_checks import check_sentences
+from pytest_drive_robust.perturbations.sentences import parse, render
 
 finite = st.floats(0.0, 1e6)
 milliseconds = st.one_of(finite, st.integers(0, 5000))
