@@ -205,9 +205,7 @@ class Setting:
                 what = f"the class {given.__name__}" if isinstance(given, type) else repr(given)
                 raise PerturbationError(f"a setting is made of Perturbation objects, but {what} was given")
             check_severities_are_fields(type(given))
-        numbers = [retyped(type(item), item.parameters()) for item in perturbations]
-        changed = zip(perturbations, numbers, strict=True)
-        return cls(tuple(item.with_severities(**others) if others else item for item, others in changed))
+        return cls(tuple(map(_of_its_types, perturbations)))
 
     @classmethod
     def parse(cls, text: str, known: Mapping[str, type[Perturbation]] | None = None) -> Setting:
@@ -283,6 +281,11 @@ class Setting:
 
 
 Setting.CLEAN = Setting()
+
+
+def _of_its_types(perturbation: Perturbation) -> Perturbation:
+    changed = retyped(type(perturbation), perturbation.parameters())
+    return perturbation.with_severities(**changed) if changed else perturbation
 
 
 def check_severities_are_fields(cls: type[Perturbation]) -> None:

@@ -21,7 +21,7 @@ ODD = """
 
 IDS = [
     "../../up", "/etc/passwd", "C:\\\\\\\\win", "CON", "a/b", "nul\\0byte", "\\udcff\\udc80 surrogate", "\\ud83d half",
-    "\\U0001f697 car", "line\\nbreak", "\\x1b[31mred", " ", "'; rm -rf", "%s%d{0}",
+    "\\U0001f697 car", "line\\nbreak", "\\x1b[31mred", "a  b", "'; rm -rf", "%s%d{0}",
     "x" * 300, "y" * 10_000, "e\\u0301", "\\u00e9",
 ]
 

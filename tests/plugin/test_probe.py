@@ -16,7 +16,7 @@ def moody():
 
 AGENTS.append(moody)
 """
-TEST = "DS under clean >= 0.5"
+TEST = "DS under clean >= 50"
 
 
 def run(folder, *args):
