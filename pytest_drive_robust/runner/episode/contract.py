@@ -7,7 +7,7 @@ from bdb import BdbQuit
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
+from types import AsyncGeneratorType, CoroutineType, FrameType, GeneratorType
 
 from pytest_drive_robust.domain.agent import SIGNALS, Agent, PlannedPath, is_privileged
 from pytest_drive_robust.domain.control import Control
@@ -23,6 +23,8 @@ _MOST_CHARACTERS = 20_000
 """Longest text of an exception or value in a message: it may hold megabytes."""
 _MOST_DEEP = 20
 """Deepest nesting of exception groups that is shown: an object that resembles a group may hold itself."""
+_LATER = (CoroutineType, GeneratorType, AsyncGeneratorType)
+"""What a function with `async` or `yield` returns before a line of it has run."""
 _CALLERS = (
     "pytest_drive_robust.engine.",
     "pytest_drive_robust.bench2drive.agents.",
@@ -83,9 +85,13 @@ def agent_privileged(agent: Agent) -> bool:
 
 
 def agent_reset(agent: Agent, plan: GlobalPlan, seed: int) -> None:
-    """Call the agent's `reset` at the start of an episode. Raises `AgentError`."""
+    """Call the agent's `reset` at the start of an episode. Raises `AgentError`, also for a `reset` that never ran."""
     with _blamed("reset"):
-        agent.reset(plan, seed)
+        returned: object = agent.reset(plan, seed)  # type: ignore[func-returns-value]
+    if isinstance(returned, _LATER):
+        if isinstance(returned, CoroutineType):
+            returned.close()  # else Python warns that nobody awaited it
+        raise AgentError("reset is a coroutine or generator, so nothing of it ran: write it without async and yield")
 
 
 def agent_plan(agent: Agent) -> PlannedPath:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import builtins
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +70,28 @@ def test_an_agent_that_fails_in_reset_has_driven_nothing() -> None:
     result = drive(Forgetful([FULL]))
     assert (result.outcome, result.ticks, result.trace.rows.shape) == (Outcome.AGENT_ERROR, 0, (0, 11))
     assert result.end_detail.startswith("reset raised KeyError: 'weights'")
+
+
+class Awaited(ScriptedAgent):
+    async def reset(self, route: GlobalPlan, seed: int) -> None:  # type: ignore[override]
+        raise AssertionError("not reached")
+
+
+class Suspended(ScriptedAgent):
+    def reset(self, route: GlobalPlan, seed: int) -> Iterator[None]:  # type: ignore[override]
+        yield
+
+
+class AwaitedAndSuspended(ScriptedAgent):
+    async def reset(self, route: GlobalPlan, seed: int) -> AsyncIterator[None]:  # type: ignore[override]
+        yield
+
+
+@pytest.mark.parametrize("agent", [Awaited, Suspended, AwaitedAndSuspended])
+def test_a_reset_of_which_nothing_ran_is_a_fault(agent: type[ScriptedAgent]) -> None:
+    result = drive(agent([FULL]))
+    assert (result.outcome, result.ticks) == (Outcome.AGENT_ERROR, 0)
+    assert result.end_detail.startswith("reset is a coroutine or generator, so nothing of it ran")
 
 
 def test_the_folder_that_an_agent_removed_does_not_hide_what_it_raised(
