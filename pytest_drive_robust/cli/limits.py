@@ -61,7 +61,7 @@ def _limits(options: argparse.Namespace) -> int:
     with refusing_unwritable(path):
         write_whole(path, head + "".join([*map(_line, found), *map(_kept_line, kept)]))
     also = f" and {len(kept)} more of the run's requirements, as they were" if kept else ""
-    say(f"{path}: {len(found)} limits{also}. Review them, then commit the file.")
+    say(f"{path}: {counted(len(found), 'limit')}{also}. Review them, then commit the file.")
     fewest = min(item.routes for item in found)
     if fewest < _FEW_ROUTES:
         say(

@@ -23,6 +23,7 @@ from pytest_drive_robust.report.numbers import legible
 from pytest_drive_robust.report.road_map import RoadMaps, map_data
 from pytest_drive_robust.simulators.embedded.actors import SIZES
 from pytest_drive_robust.verdict.explain import describe_outcome, infraction_s
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -221,8 +222,8 @@ def _notes(name: str, result: EpisodeResult) -> Iterator[Item]:
     for span in result.schedule:
         yield span.first_tick * dt_s, path, Note(legible(f"{span.perturbation} begins in {span.signal}"), bad=False)
     for item in result.infractions:
-        second, note = infraction_s(item, dt_s), Note(legible(f"{item.kind.value}: {item.detail}"), bad=True)
-        yield result.game_s if second is None else second, path, note
+        second, told = infraction_s(item, dt_s), f"{item.kind.value}: {infraction_words(item.detail)}"
+        yield result.game_s if second is None else second, path, Note(legible(told), bad=True)
     yield result.game_s, path, Note(legible(describe_outcome(result)), bad=False)
 
 

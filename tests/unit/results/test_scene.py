@@ -170,3 +170,10 @@ def test_failures_infractions_and_the_end_are_noted_when_they_come() -> None:
         (1.5, InfractionKind.RED_LIGHT.value, True),
         (2.0, "completed, red light at 1.5 s", False),
     ]
+
+
+def test_a_collision_is_noted_with_its_speed_in_kmh() -> None:
+    hit = replace(infraction(InfractionKind.COLLISION_VEHICLE, second=1.5), detail="hit van at 5.0 m/s")
+    result = make_result(trace=trace_of(40), infractions=[hit])
+    notes = [note.text for _, note in shown("perturbed/log", result)]
+    assert notes[0] == f"{InfractionKind.COLLISION_VEHICLE.value}: hit van at 18 km/h"
