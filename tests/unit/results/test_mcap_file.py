@@ -12,6 +12,7 @@ import pytest
 
 from pytest_drive_robust.cli.main import main
 from pytest_drive_robust.results import read_run
+from pytest_drive_robust.verdict.infraction_words import infraction_words
 
 pytestmark = pytest.mark.slow
 NAMES = ("clean", "perturbed")
@@ -84,7 +85,10 @@ def test_every_message_of_the_actors_is_whole(opened):
 def test_infractions_are_told_when_they_happen(opened):
     for name, result in zip(NAMES, read_run("one").episodes, strict=True):
         told = sorted((round(second, 6), log.message) for second, log in opened[f"/{name}/log"] if log.level == 4)
-        events = [(round(i.tick * result.dt_s, 6), f"{i.kind.value}: {i.detail}") for i in result.infractions]
+        events = [
+            (round(i.tick * result.dt_s, 6), f"{i.kind.value}: {infraction_words(i.detail)}")
+            for i in result.infractions
+        ]
         assert told == sorted(events)
     assert any(log.level == 4 for _, log in opened["/perturbed/log"])
     assert any("GpsNoise" in log.message or "gps" in log.message for _, log in opened["/perturbed/log"])
