@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import pytest
+import replayed_agents
 
 AGENTS = """
 from pytest_drive_robust import Control
@@ -53,4 +54,14 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.delenv("CI", raising=False)
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     monkeypatch.setenv("GIT_CONFIG_GLOBAL", str(tmp_path / "gitconfig"))
+    return tmp_path
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with the agents of `replayed_agents` in the module `film_agents`."""
+    (tmp_path / "film_agents.py").write_text(replayed_agents.AGENTS)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.delitem(sys.modules, "film_agents", raising=False)
     return tmp_path
