@@ -32,6 +32,8 @@ NOT_JUDGED = "drive_robust_not_judged"
 """The attribute of a test report that counts as an error."""
 BROKE = "drive_robust_broke"
 """The attribute of the report on a test that uses `drive` and broke: what it did not ask for by then is not judged."""
+OWN_VERDICT = "drive_robust_own_verdict"
+"""The attribute of the report on a test that asked `drive` and failed by an `assert` of its own."""
 MAY_FAIL = "drive_robust_may_fail"
 """The attribute of the report on a test that is expected to fail and whose inconclusive verdict may become a fail."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
@@ -99,6 +101,7 @@ class DrivingPlugin:
         if _is_unanswered(item, error):
             vars(report)[NOT_JUDGED] = True
         if not isinstance(error, (BrokenRequirementError, NotJudgedError)):
+            vars(report)[OWN_VERDICT] = report.when == "call" and _asked_drive(item)
             return
         crash = getattr(report.longrepr, "reprcrash", None)
         if crash is not None:
@@ -180,6 +183,11 @@ def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | 
         return report.when == "setup"
     is_verdict = report.when == "teardown" or isinstance(error, (AssertionError, pytest.fail.Exception, type(None)))
     return isinstance(drive, Drive) and not (drive.was_asked and is_verdict)
+
+
+def _asked_drive(item: pytest.Item) -> bool:
+    drive = getattr(item, "funcargs", {}).get("drive")
+    return isinstance(drive, Drive) and drive.was_asked
 
 
 def _shown(item: pytest.Item, error: BaseException) -> str | TerminalRepr:

@@ -9,7 +9,7 @@ import pytest
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import DEFAULT_SIMULATOR, RunOptions
 from pytest_drive_robust.plugin.collection import DESELECTED
-from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED
+from pytest_drive_robust.plugin.driving import BROKE, MAY_FAIL, NOT_JUDGED, OWN_VERDICT
 from pytest_drive_robust.plugin.process_roles import output_of
 from pytest_drive_robust.plugin.run_outputs import BROKEN_TESTS, MEND_TESTS, SELECT_TESTS, WRITE_TESTS, RunOutputs
 from pytest_drive_robust.plugin.stopped_tests import STOPPED
@@ -25,6 +25,7 @@ _RUNS_NOTHING = ("collectonly", "setupplan", "setuponly", "drive_plan")
 _ENDED_EARLY = "the run {}: requirements whose tests had not ended by then are not in this report"
 _BROKE = "{} broke{}: what it had not judged by then is not in this report"
 _STOPPED = "{} stopped at call {} of drive{}: what stands after that was not judged and is not in this report"
+_OWN_VERDICT = "{} failed by an assert of its own{}, which is no requirement of this report"
 _MOST_UNHEEDED = 5
 _WHOLE = ("", "suites", "robustness")  # below the root folder; `drive-robust init` writes the last one
 _NARROWING = ("ignore", "ignore_glob", "lf")  # these leave out whole files, without a call of `pytest_deselected`
@@ -45,6 +46,7 @@ class ReportingPlugin:
         self._ended: set[str] = set()
         self._broken_tests: dict[str, None] = {}
         self._stopped_tests: dict[str, int] = {}
+        self._own_verdicts: dict[str, None] = {}
         self._may_fail: set[str] = set()
         self._unheeded: list[str] = []
 
@@ -79,8 +81,8 @@ class ReportingPlugin:
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note a test that passed although `drive` raised in it: a thread or an `except` swallowed the error.
 
-        Notes as well a test that broke before it had asked `drive` for everything, one that its own verdict stopped,
-        and a test that was expected to fail and whose verdict is still inconclusive.
+        Notes as well a test that broke before it had asked `drive` for everything, one that its own verdict stopped or
+        failed at its end, and a test that was expected to fail and whose verdict is still inconclusive.
         """
         if getattr(report, MAY_FAIL, False):
             self._may_fail.add(report.nodeid)
@@ -88,6 +90,8 @@ class ReportingPlugin:
             self._broken_tests[report.nodeid] = None
         elif hasattr(report, STOPPED) and report.outcome in ("failed", "skipped"):  # "rerun" is not the last attempt
             self._stopped_tests[report.nodeid] = getattr(report, STOPPED)
+        elif report.failed and getattr(report, OWN_VERDICT, False):
+            self._own_verdicts[report.nodeid] = None
         told = [value for name, value in report.user_properties if name == UNHEEDED]
         self._unheeded += [f"{report.nodeid} passed although drive raised in it: {line}" for line in told]
 
@@ -123,6 +127,9 @@ class ReportingPlugin:
             if self._stopped_tests:
                 (first, calls), *more = self._stopped_tests.items()
                 self._outputs.note(_STOPPED.format(first, calls, f", and so did {len(more)} more" if more else ""))
+            if self._own_verdicts:
+                first, *others = self._own_verdicts
+                self._outputs.note(_OWN_VERDICT.format(first, f", and so did {len(others)} more" if others else ""))
             for sentence in self._unheeded[:_MOST_UNHEEDED]:
                 self._outputs.note(f"warning: {sentence}")
             if len(self._unheeded) > _MOST_UNHEEDED:

@@ -19,6 +19,7 @@ FIRST, SECOND = requirements(f"DS under throttle 0.9 >= {os.environ.get('LIMIT',
 STOPS = "def test_both(drive):\n    drive.check(FIRST)\n    drive.check(SECOND)\n"
 ENDS = "def test_both(drive):\n    drive.check(SECOND)\n    drive.check(FIRST)\n"
 ASSERTS = "def test_both(drive):\n    assert drive.ds('throttle 0.9') >= 101\n    assert drive.ds('clean') >= 1\n"
+LAST_ASSERT = "def test_own(drive):\n    assert drive.ds('throttle 0.9') >= 101\n"
 SKIPS = (
     "def test_both(drive):\n    if drive.ds('throttle 0.9') < 101:\n        pytest.skip()\n    drive.check(SECOND)\n"
 )
@@ -97,6 +98,23 @@ def test_a_test_that_its_last_verdict_breaks_has_not_stopped(suite, broken):
     assert result.ret == 1
     result.stdout.no_fnmatch_line(TOLD)
     assert document(folder)["stopped_tests"] == []
+    assert document(folder)["notes"] == []
+
+
+@processes
+def test_a_test_that_fails_by_its_own_assert_at_its_end_is_told_of(suite, workers):
+    folder = suite("DS under clean >= 1", test=SUITE + LAST_ASSERT)
+    result = run(folder, "--drive-json=run.json", *workers)
+    assert result.ret == 1
+    told = "test_suite.py::test_own failed by an assert of its own, which is no requirement of this report"
+    result.stdout.fnmatch_lines([told])
+    assert document(folder)["stopped_tests"] == []
+    assert document(folder)["notes"] == [told]
+
+
+def test_a_test_that_is_expected_to_fail_by_its_own_assert_is_not_told_of(suite):
+    folder = suite(test=SUITE + "@pytest.mark.xfail(strict=True)\n" + LAST_ASSERT)
+    assert run(folder, "--drive-json=run.json").ret == 0
     assert document(folder)["notes"] == []
 
 
