@@ -213,7 +213,8 @@ class Setting:
 
         Raises `RequirementError` with the nearest valid sentence, `PerturbationError` for an impossible severity.
         """
-        return cls.of(*parse_stack(text, (BUILTIN if known is None else known).values()))
+        perturbations = parse_stack(text, (BUILTIN if known is None else known).values())
+        return cls(tuple(map(_of_its_types, perturbations)))
 
     @classmethod
     def from_env(cls, environ: Mapping[str, str] = os.environ) -> Setting:
@@ -284,6 +285,7 @@ Setting.CLEAN = Setting()
 
 
 def _of_its_types(perturbation: Perturbation) -> Perturbation:
+    """Return the failure with each severity in the type of its default, itself where these are so."""
     changed = retyped(type(perturbation), perturbation.parameters())
     return perturbation.with_severities(**changed) if changed else perturbation
 

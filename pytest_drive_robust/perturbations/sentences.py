@@ -171,10 +171,10 @@ def _built(cls: type[_S], values: Mapping[str, object]) -> _S:
         raise refused_by(cls, error) from error
 
 
-def refused_by(cls: type[Spoken], error: Exception) -> PerturbationError:
-    """Return the error for severities for which the constructor of a user's class raised `error`."""
+def refused_by(cls: type[Spoken], error: Exception, source: str = "a sentence") -> PerturbationError:
+    """Return the error for severities of `source`, for which the constructor of a user's class raised `error`."""
     said = str(error) if isinstance(error, (TypeError, ValueError)) else f"{type(error).__name__}: {error}"
-    return PerturbationError(f"{cls.__name__} cannot be built from a sentence: {said}")
+    return PerturbationError(f"{cls.__name__} cannot be built from {source}: {said}")
 
 
 def _unknown(text: str, classes: Sequence[type[Spoken]]) -> RequirementError:

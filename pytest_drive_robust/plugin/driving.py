@@ -33,7 +33,7 @@ NOT_JUDGED = "drive_robust_not_judged"
 BROKE = "drive_robust_broke"
 """The attribute of the report on a test that uses `drive` and broke: what it did not ask for by then is not judged."""
 OWN_VERDICT = "drive_robust_own_verdict"
-"""The attribute of the report on a test that asked `drive` and failed by an `assert` of its own."""
+"""The attribute of the report on a test that asked `drive` and failed by its own `assert` or `pytest.fail`."""
 MAY_FAIL = "drive_robust_may_fail"
 """The attribute of the report on a test that is expected to fail and whose inconclusive verdict may become a fail."""
 _EXPECTED_TO_FAIL = ("[XPASS(strict)]", "Unexpected success")
@@ -101,7 +101,8 @@ class DrivingPlugin:
         if _is_unanswered(item, error):
             vars(report)[NOT_JUDGED] = True
         if not isinstance(error, (BrokenRequirementError, NotJudgedError)):
-            vars(report)[OWN_VERDICT] = report.when == "call" and _asked_drive(item)
+            is_own = _is_verdict(error) and not _is_unanswered(item, error)
+            vars(report)[OWN_VERDICT] = is_own and report.when == "call" and _asked_drive(item)
             return
         crash = getattr(report.longrepr, "reprcrash", None)
         if crash is not None:
@@ -181,8 +182,13 @@ def _broke(item: pytest.Item, report: pytest.TestReport, error: BaseException | 
     drive = getattr(item, "funcargs", {}).get("drive")
     if drive is None:
         return report.when == "setup"
-    is_verdict = report.when == "teardown" or isinstance(error, (AssertionError, pytest.fail.Exception, type(None)))
-    return isinstance(drive, Drive) and not (drive.was_asked and is_verdict)
+    is_verdict = report.when == "teardown" or error is None or _is_verdict(error)
+    return isinstance(drive, Drive) and not (is_verdict and _asked_drive(item))
+
+
+def _is_verdict(error: BaseException | None) -> bool:
+    """Return True for an error of `assert`, of `pytest.fail`, or of ours: a test fails by it on purpose."""
+    return isinstance(error, (AssertionError, pytest.fail.Exception))
 
 
 def _asked_drive(item: pytest.Item) -> bool:

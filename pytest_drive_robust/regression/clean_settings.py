@@ -7,15 +7,16 @@ from contextlib import suppress
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.perturbations.base import Setting
 from pytest_drive_robust.perturbations.severity_text import split_outside_quotes
-from pytest_drive_robust.registry.registry import Registry
+from pytest_drive_robust.registry.registry import Registry, default_registry
 
 
-def clean_sentence(setting: str, registry: Registry) -> str:
+def clean_sentence(setting: str, registry: Registry | None = None) -> str:
     """Return the sentence of the clean drive that `setting` is compared with.
 
-    The result is `"clean"`, or a clean drive with equal warm-up. A perturbation that is unknown here has no warm-up.
+    The result is `"clean"`, or a clean drive with equal warm-up. A perturbation that `registry`, by default that of
+    this process, does not know has no warm-up.
     """
-    known = registry.perturbations()
+    known = (default_registry() if registry is None else registry).perturbations()
     try:
         return str(Setting.parse(setting, known).baseline)
     except UsageError:  # a stored run may hold a user's perturbation that cannot be imported here

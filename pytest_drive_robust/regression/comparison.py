@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from statistics import fmean
 
 from pytest_drive_robust.errors import UsageError, first_few
-from pytest_drive_robust.registry.registry import default_registry
 from pytest_drive_robust.regression.allowance import Allowance
 from pytest_drive_robust.regression.clean_settings import clean_sentence
 from pytest_drive_robust.regression.comparison_result import CellComparison, Comparison, Finding, Flip, Numbers, Terms
@@ -48,7 +47,7 @@ def compare(before: Snapshot, after: Snapshot, terms: Terms | None = None) -> Co
 
 def require_more_than_rd_of_clean(allowances: Sequence[Allowance], settings: Sequence[str]) -> None:
     """Raise `UsageError` where nothing is judged: RD under each of the common `settings` is 0 in every run."""
-    if all(item.metric == "RD" for item in allowances) and all(_clean_sentence(name) == name for name in settings):
+    if all(item.metric == "RD" for item in allowances) and all(clean_sentence(name) == name for name in settings):
         raise UsageError(
             "there is nothing to judge: only a rise of RD is to fail, RD under clean is 0 in every run, and both runs "
             "hold no other setting. Let a drop of DS or SR fail, too, as in ds:-5%."
@@ -127,7 +126,7 @@ def _clean_pairs(
 ) -> list[tuple[Pair, Pair]]:
     """Return each pair with the clean pair of its route, if both runs have one; an empty list for a clean setting."""
     old, new = cells
-    sentence = _clean_sentence(new.setting)
+    sentence = clean_sentence(new.setting)
     clean_old, clean_new = before.cells.get((old.agent, sentence)), after.cells.get((new.agent, sentence))
     if sentence == new.setting or clean_old is None or clean_new is None:
         return []
@@ -171,7 +170,7 @@ def _rise(
     quartets: Sequence[Quartet],
 ) -> Finding:
     if not quartets:
-        if _clean_sentence(new.setting) == new.setting:
+        if clean_sentence(new.setting) == new.setting:
             return Finding(allowance, "pass")  # RD of a clean setting is 0 in every run
         return Finding(allowance, "error", problem="RD needs clean episodes of the same routes in both runs")
     changed = sum(item.clean_before != item.clean_after or item.before != item.after for item in quartets)
@@ -180,10 +179,6 @@ def _rise(
     verdict = judge_rise(quartets, allowance, rule=rule)
     problem = below_floor(quartets) if verdict == "inconclusive" else ""
     return Finding(allowance, verdict, rule, len(quartets), changed, problem)
-
-
-def _clean_sentence(setting: str) -> str:
-    return clean_sentence(setting, default_registry())
 
 
 def _flips(pairs: Sequence[Pair]) -> tuple[Flip, ...]:

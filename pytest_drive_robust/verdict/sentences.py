@@ -10,7 +10,7 @@ from textwrap import indent
 from pytest_drive_robust.errors import PerturbationError, RequirementError, UsageError, did_you_mean
 from pytest_drive_robust.perturbations.base import Perturbation, Setting
 from pytest_drive_robust.perturbations.ladder import Ladder, failure_word, ladder_of
-from pytest_drive_robust.perturbations.sentence_forms import templates_of
+from pytest_drive_robust.perturbations.sentence_forms import form_of
 from pytest_drive_robust.perturbations.sentences import refused_by
 from pytest_drive_robust.perturbations.severity_text import render_value, split_outside_quotes
 from pytest_drive_robust.registry.registry import default_registry
@@ -195,7 +195,7 @@ def _with_parameters(failure: Perturbation, others: str, field: str) -> str:
     A sentence that does not show the severity would lose it: the brackets hold it then, beside `others`.
     """
     parameters = failure.parameters()
-    form = next(form for form in templates_of(type(failure)) if form.fits(parameters))
+    form = form_of(type(failure), parameters)
     is_said = field in form.shown or field in form.fixed
     severity = "" if is_said else f"{field}={render_value(parameters[field])}, "
     return f"{form.fill(parameters)} ({severity}{others})"
@@ -225,7 +225,7 @@ def _ladder(words: str, known: Known) -> Ladder:
     except UsageError:
         raise
     except Exception as error:  # of the class itself
-        raise RequirementError(f"{graded[0].__name__} cannot be built from its ladder: {error}.") from None
+        raise RequirementError(str(refused_by(graded[0], error, "its ladder"))) from None
 
 
 def _at(ladder: Ladder, level: float) -> Perturbation:
