@@ -108,6 +108,8 @@ def _replay(options: argparse.Namespace) -> int:
     before = before_of(
         options.run, earlier, simulator=options.sim, stuck_stop_s=stuck_stop_s, tick_cap=options.tick_cap
     )
+    if before is not None:
+        before.check_holds_any(wanted.episodes)
     target = None if options.no_video else _target(options, wanted)
     if not options.stored_controls:
         registry.require("agents", wanted.agent)

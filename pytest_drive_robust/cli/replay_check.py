@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -47,6 +47,12 @@ class Before:
             return "there is no record of that agent, route, setting and seed"
         first = next(iter(self.digests), None)
         return f"it holds {counted(len(self.digests), 'episode')}" + (f", the first one is {first}" if first else "")
+
+    def check_holds_any(self, episodes: Iterable[Episode]) -> None:
+        """Raise `UsageError`, before anything is driven, if a run that the user named holds none of `episodes`."""
+        if self.asked and self.digests is not None and self.digests.keys().isdisjoint(episodes):
+            wanted = " or ".join(map(str, episodes))
+            raise UsageError(f"{self.label} holds no {wanted}, so nothing could be compared: {self.holds}.")
 
     def compared_with(self, driven: EpisodeResult, *, route: Route) -> tuple[bool, str] | None:
         """Return (True when both are the same to the bit, a clause about it), or None without an earlier episode.

@@ -140,6 +140,7 @@ class ReportingPlugin:
                 whole=whole,
                 ended_early=partial,
                 stopped=tuple(self._stopped_tests),
+                own_verdicts=tuple(self._own_verdicts),
                 may_fail=self._may_fail,
                 advice=self._advice(session),
             )

@@ -91,20 +91,24 @@ class RunOutputs:
         whole: bool,
         ended_early: bool,
         stopped: tuple[str, ...],
+        own_verdicts: tuple[str, ...],
         may_fail: Container[str],
         advice: str,
     ) -> bool:
         """Build the result and write the files; return True when the run must not be green although its tests passed.
 
         `whole` says that every test was selected and ran, `ended_early` that tests did not run or broke; `stopped` are
-        the tests that their own verdict stopped. `may_fail` are the tests whose inconclusive requirements were expected
-        to fail. `advice` is shown when no episode was driven.
+        the tests that their own verdict stopped, `own_verdicts` those that failed by an assert of their own. `may_fail`
+        are the tests whose inconclusive requirements were expected to fail. `advice` is shown when no episode was
+        driven.
         """
         run = self._attempt("the result of the run could not be put together", self._build)
         if run is None:
             return True
         late = [item for item in run.late if item.nodeid not in may_fail and not self._checks.is_waived(item)]
-        run = self._run = replace(run, ended_early=ended_early, stopped_tests=stopped, late=tuple(late))
+        run = self._run = replace(
+            run, ended_early=ended_early, stopped_tests=stopped, own_verdicts=own_verdicts, late=tuple(late)
+        )
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)
         review = partial(self._checks.review_waivers, run, whole=whole)

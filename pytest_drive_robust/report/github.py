@@ -71,6 +71,8 @@ def _headline(run: RunResult) -> str:
         parts.append(f"but {counted(len(run.stopped_tests), 'test')} stopped before the end")
     elif any(len(row.results) < row.needed for row in run.rows):
         parts.append("but not all episodes were driven")
+    elif run.own_verdicts:
+        parts.append(f"but {counted(len(run.own_verdicts), 'test')} failed for another reason")
     reading = run.options.reading
     return ", ".join(parts) + (f" (reading {reading})" if reading != READINGS[0] else "")
 

@@ -41,6 +41,7 @@ def run_as_json(run: RunResult) -> dict[str, object]:
         "notes": [*cautions(run), *run.notes],
         "ended_early": run.ended_early,
         "stopped_tests": run.stopped_tests,
+        "own_verdicts": run.own_verdicts,
     }
     return {key: _finite(value) for key, value in document.items()}
 

@@ -88,7 +88,7 @@ class RunResult:
     known, without those that are waived or of a test that was expected to fail. `ended_early` is True when tests were
     left at the end of the run, or broke before their verdict; the result lacks the requirements of those tests.
     `stopped_tests` are the tests that their own verdict stopped with statements left: what those may have asked is
-    lacking, too.
+    lacking, too. `own_verdicts` are the tests that failed by an assert of their own, of which no requirement tells.
     """
 
     options: RunOptions
@@ -103,6 +103,7 @@ class RunResult:
     driven: int = 0
     ended_early: bool = False
     stopped_tests: tuple[str, ...] = ()
+    own_verdicts: tuple[str, ...] = ()
 
     @classmethod
     def of(

@@ -141,9 +141,10 @@ def test_an_inconclusive_verdict_is_called_so(opened, tmp_path):
     [
         ({"ended_early": True}, "but not all tests came to their verdicts"),
         ({"stopped_tests": ("test_it",)}, "but 1 test stopped before the end"),
+        ({"own_verdicts": ("test_it", "test_that")}, "but 2 tests failed for another reason"),
     ],
 )
-def test_a_run_with_tests_left_does_not_look_like_a_whole_one(opened, tmp_path, ended, told):
+def test_a_run_that_is_red_in_another_way_does_not_look_green(opened, tmp_path, ended, told):
     page = opened(report_of(tmp_path, make_result("101"), judged=[judged_as("pass", 60.0)], **ended)).go()
     assert text(page) == f"The requirement holds, {told}"
 

@@ -110,13 +110,14 @@ def test_a_test_that_fails_by_its_own_assert_at_its_end_is_told_of(suite, worker
     assert told in " ".join(result.stdout.str().split())
     assert document(folder)["stopped_tests"] == []
     assert document(folder)["notes"] == [told]
+    assert document(folder)["own_verdicts"] == ["test_suite.py::test_own"]
 
 
 @pytest.mark.parametrize(("limit", "exit_code"), [(101, 0), (1, 1)], ids=["fails", "passes"])
 def test_a_test_that_is_expected_to_fail_by_its_own_assert_is_not_told_of(suite, limit, exit_code):
     folder = suite(test=SUITE + "@pytest.mark.xfail(strict=True)\n" + LAST_ASSERT.replace("101", str(limit)))
     assert run(folder, "--drive-json=run.json").ret == exit_code
-    assert document(folder)["notes"] == []
+    assert document(folder)["notes"] == document(folder)["own_verdicts"] == []
 
 
 @needs_subtests

@@ -42,6 +42,7 @@ def run_data(
         "label": records.label,
         "endedEarly": document.get("ended_early", False),
         "stopped": len(document.get("stopped_tests", ())),
+        "ownVerdicts": len(document.get("own_verdicts", ())),
         "stored": _stored(document),
         "options": document["settings"],
         "versions": document.get("versions", {}),

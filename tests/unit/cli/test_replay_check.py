@@ -109,7 +109,10 @@ def test_a_run_is_found_as_everywhere_by_a_file_of_any_name(folder: Path, capsys
     document = {"schema": 1, "settings": SETTINGS, "summaries": [], "episodes": []}
     (folder / "run").write_text(json.dumps(document))
     assert main([*GOOD, "--no-video", "--run", "run"]) == 4
-    assert "the run run holds nothing of what was driven" in capsys.readouterr().err
+    shown = capsys.readouterr()
+    assert "the run run holds no " in shown.err
+    assert "so nothing could be compared: it holds 0 episodes" in shown.err
+    assert shown.out == ""  # nothing was driven
     assert main([*GOOD, "--no-video", "--run", "gone.json"]) == 4
     assert "--run is 'gone.json', but there is no such file or folder" in capsys.readouterr().err
 

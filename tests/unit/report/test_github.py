@@ -73,6 +73,11 @@ def test_a_run_whose_tests_were_cut_off_says_so_in_its_headline() -> None:
     assert step_summary(replace(run_of(WILD), ended_early=True)).splitlines()[0] == told
 
 
+def test_a_run_that_is_red_for_a_reason_of_its_test_says_so_in_its_headline() -> None:
+    told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but 1 test failed for another reason"
+    assert step_summary(replace(run_of(WILD), own_verdicts=("test_it",))).splitlines()[0] == told
+
+
 def test_a_row_that_lacks_episodes_does_not_say_that_the_run_ended_early() -> None:
     row = SettingRow("star", "full", "clean", (0,), needed=4, results=(), summary=None, rd=None, verdict="error")
     told = "## drive-robust: 0 of 1 requirements hold, 1 inconclusive, but not all episodes were driven"

@@ -45,6 +45,7 @@ driveRobust.views.set("", (() => {
     if (run.endedEarly) parts.push("but not all tests came to their verdicts");
     else if (run.stopped) parts.push(`but ${counted(run.stopped, "test")} stopped before the end`);
     else if (run.rows.some((row) => row.finished < row.needed)) parts.push("but not all episodes were driven");
+    else if (run.ownVerdicts) parts.push(`but ${counted(run.ownVerdicts, "test")} failed for another reason`);
     return parts.join(", ");
   }
 
