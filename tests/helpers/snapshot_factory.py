@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from pytest_drive_robust.regression.allowance import parse_allowances
 from pytest_drive_robust.regression.baselines import Blessing
+from pytest_drive_robust.regression.comparison_result import Terms
 from pytest_drive_robust.regression.fingerprint import AgentPrint, Fingerprint
 from pytest_drive_robust.regression.snapshot import Cell, RouteScore, Snapshot, Taken
 
@@ -15,6 +17,8 @@ PRINT = Fingerprint(
     versions={"fake": "1", "numpy": "2.0", "python": "3.11"},
 )
 SIGNATURE = Blessing("2026-11-21", "first baseline", by="Kim Doe <kim@example.org>", run="before", commit="abc123")
+BUSY = [100.0, 60.0, 100.0, 36.0, 100.0, 100.0, 20.0, 80.0] * 8
+"""Driving scores of 64 routes, as a middling agent has them."""
 
 
 def route_score(
@@ -51,3 +55,7 @@ def snapshot(*cells: Cell, label: str = "run") -> Snapshot:
 
 def with_versions(**versions: str) -> Fingerprint:
     return replace(PRINT, versions={**PRINT.versions, **versions})
+
+
+def terms(*texts: str, **given: object) -> Terms:
+    return Terms(parse_allowances(texts, source="--fail-on"), **given)  # type: ignore[arg-type]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from full_disk import full_disk
-from report_pages import data_of, motion_of
+from report_pages import SETTING, data_of, document, evidence, motion_of, records
 from result_factory import FULL, crashed_simulation, infraction, make_result, scored, trace_of
 
 from pytest_drive_robust.domain.outcome import End, Infraction, InfractionKind
 from pytest_drive_robust.domain.result import Given, Reception, Touch
-from pytest_drive_robust.domain.verdict_rule import VerdictRule
 from pytest_drive_robust.errors import UsageError
 from pytest_drive_robust.options.run import RunOptions
 from pytest_drive_robust.registry.registry import default_registry
@@ -29,31 +27,11 @@ from pytest_drive_robust.report.pages.motion import UNTOUCHED, motion_text
 from pytest_drive_robust.report.run_records import RunRecords
 from pytest_drive_robust.report.run_result import RunResult
 from pytest_drive_robust.runner.cache_key.identity import route_digest
-from pytest_drive_robust.runner.planned_order import planned_order
 from pytest_drive_robust.simulators.embedded.route_xml import save_routes
 from pytest_drive_robust.simulators.routes import resolve_routes
 from pytest_drive_robust.store.events import EpisodesNeeded, Judged, Used
-from pytest_drive_robust.verdict.evaluate import evaluate
-from pytest_drive_robust.verdict.sentences import requirements
 
-SETTING = "200 ms latency"
 EVIL = '</script><img src=x onerror="alert(1)">\u2028'
-
-
-def document(*results, judged=(), spec="one-per-scenario", options=None):
-    """Return the document of a run that holds these results, and what finds them."""
-    found = {f"{n}": result for n, result in enumerate(results)}
-    groups: dict[tuple[str, str], list[str]] = {}
-    for key, result in found.items():
-        groups.setdefault((result.episode.agent, result.episode.setting), []).append(key)
-    needed = [EpisodesNeeded(agent, spec, setting, (0,), tuple(keys)) for (agent, setting), keys in groups.items()]
-    events = [*needed, Used(tuple(found)), *judged]
-    run = RunResult.of(options or RunOptions(simulator="embedded"), events, found.get, versions={"numpy": "2"})
-    return run_as_json(run), found.get
-
-
-def records(*results, **given):
-    return RunRecords.of(*document(*results, **given), default_registry(), label="a run")
 
 
 def test_a_folder_holds_a_page_scripts_styles_and_data(tmp_path):
@@ -246,28 +224,6 @@ def test_an_episode_that_ended_before_its_first_tick_is_not_said_to_be_missing(t
     assert data_of(tmp_path)["notes"] == []
 
 
-def test_the_limit_and_the_margin_are_those_of_the_rule(tmp_path):
-    judged = Judged("t", "efficiency under clean >= 60", "driver", "one-per-scenario", (0,), "efficiency", "clean",
-                    ">=", 60.0, "pass", 80.0, 55.0, 90.0, 1, planned=44, rule="evidence")  # fmt: skip
-    given = records(make_result("101"), judged=[judged])
-    write_pages(tmp_path, given)
-    rule = VerdictRule("evidence", margin=given.document["settings"]["margin"])
-    (item,) = data_of(tmp_path)["requirements"]
-    assert 60.0 - item["lenient"] == pytest.approx(requirements(judged.requirement)[0].margin(rule))
-
-
-@pytest.mark.parametrize(
-    ("metric", "comparison", "limit", "lenient"),
-    [("DS", ">=", 5.0, 2.5), ("SR", ">=", 0.05, 0.025), ("RD", "<=", 0.9, 0.95), ("RD", "<=", 0.3, 0.4)],
-)
-def test_the_margin_of_a_page_ends_within_the_range(tmp_path, metric, comparison, limit, lenient):
-    judged = Judged("t", "a sentence", "driver", "one-per-scenario", (0,), metric, SETTING, comparison, limit,
-                    "inconclusive", limit, routes=1, planned=44, rule="evidence")  # fmt: skip
-    write_pages(tmp_path, records(make_result("101"), make_result("101", setting=SETTING), judged=[judged]))
-    (item,) = data_of(tmp_path)["requirements"]
-    assert item["lenient"] == lenient
-
-
 def test_the_road_of_a_route_that_is_not_there_any_more_is_missing_and_nothing_else(tmp_path):
     write_pages(tmp_path, records(make_result("no such route"), spec="gone.xml"))
     assert data_of(tmp_path, "route-0")["maps"] == {}
@@ -306,118 +262,6 @@ def test_what_nobody_told_of_an_infraction_is_null(tmp_path):
         (None, None, None),
         (1.0, 0, 0),
     ]
-
-
-def evidence():
-    """Return a run with one requirement on RD, judged on twelve routes."""
-    routes = resolve_routes("one-per-scenario")
-    order = planned_order([r.id for r in routes], [r.scenario.type for r in routes], "driver")[:12]
-    clean = [scored(route_id, 100.0) for route_id in order]
-    perturbed = [scored(name, 50.0 + 4.0 * n, setting=SETTING) for n, name in enumerate(order)]
-    value = 1.0 - sum(50.0 + 4.0 * n for n in range(12)) / 1200.0
-    judged = Judged("test.py::t", f"RD under {SETTING} <= 0.2", "driver", "one-per-scenario", (0,), "RD", SETTING,
-                    "<=", 0.2, "fail", value, 0.1, 0.4, 12, planned=44, rule="evidence")  # fmt: skip
-    return order, judged, records(*clean, *reversed(perturbed), judged=[judged])
-
-
-@pytest.mark.parametrize("planned", [24, 44])
-def test_the_evidence_grows_to_the_interval_of_the_verdict_where_some_routes_have_no_data(tmp_path, planned):
-    routes = resolve_routes("one-per-scenario")
-    order = planned_order([r.id for r in routes], [r.scenario.type for r in routes], "driver")[:24]
-    results = [make_result(name, speed_ratios_pct=[40.0 + n] if n % 6 else []) for n, name in enumerate(order)]
-    verdict = evaluate(
-        requirements("efficiency under clean >= 70")[0], agent="driver", clean=[], perturbed=results,
-        verdict_rule=VerdictRule("evidence"), decision="fail", planned=planned,
-    )  # fmt: skip
-    judged = Judged("t", str(verdict.requirement), "driver", "one-per-scenario", (0,), "efficiency", "clean",
-                    ">=", 70.0, "fail", verdict.value, verdict.low, verdict.high, 24, planned=planned,
-                    rule="evidence")  # fmt: skip
-    write_pages(tmp_path, records(*results, judged=[judged]))
-    (item,) = data_of(tmp_path)["requirements"]
-    assert item["growth"][0] == [1, None, None, None]
-    assert [point[0] for point in item["growth"]] == list(range(1, 25))
-    high = verdict.high if verdict.high < math.inf else None
-    assert item["growth"][-1] == [24, pytest.approx(verdict.value), verdict.low, high]
-
-
-def test_the_evidence_grows_in_the_order_of_reading_to_the_value_of_the_verdict(tmp_path):
-    order, judged, given = evidence()
-    write_pages(tmp_path, given)
-    (item,) = data_of(tmp_path)["requirements"]
-    assert item["order"] == list(order)
-    assert [point[0] for point in item["growth"]] == list(range(1, 13))
-    assert item["growth"][0][1] == pytest.approx(0.5)
-    assert item["growth"][-1][1] == pytest.approx(judged.value)
-    assert item["lenient"] == pytest.approx(0.2 + given.document["settings"]["margin"])
-    assert all(low <= value <= high for _, value, low, high in item["growth"] if None not in (low, high))
-
-
-def requirement_of(tmp_path, *results, **given):
-    judged = Judged("t", "a sentence", "driver", "one-per-scenario", (0,), **given)
-    write_pages(tmp_path, records(*results, judged=[judged]))
-    return data_of(tmp_path)
-
-
-def routes_of(data, numbers):
-    words, columns = data["episodes"]["words"], data["episodes"]
-    return [(words[columns["setting"][number]], words[columns["route"][number]]) for number in numbers]
-
-
-@pytest.mark.parametrize(
-    ("metric", "comparison", "worst"),
-    [("RD", "<=", ["101"]), ("DS", ">=", ["301", "101"]), ("SR", ">=", ["301", "101"])],
-)
-def test_the_worst_routes_are_those_that_the_terminal_names(tmp_path, metric, comparison, worst):
-    clean = [scored("101", 100.0), scored("301", 20.0)]
-    perturbed = [scored("101", 60.0, setting=SETTING), scored("301", 20.0, setting=SETTING)]
-    data = requirement_of(tmp_path, *clean, *perturbed, metric=metric, setting=SETTING, comparison=comparison,
-                          limit=0.1, verdict="fail", value=0.0, routes=2, planned=2, rule="point")  # fmt: skip
-    (item,) = data["requirements"]
-    assert routes_of(data, [number for number, *_ in item["worst"]]) == [(SETTING, name) for name in worst]
-    assert [values for _, *values in item["worst"]] == [[None, None]] * len(worst)
-
-
-def test_a_metric_of_its_own_ranks_the_routes_and_tells_its_values(tmp_path):
-    slow = make_result("101", speed_ratios_pct=(40.0,))
-    data = requirement_of(tmp_path, slow, make_result("301"), metric="efficiency", setting="clean", comparison=">=",
-                          limit=80.0, verdict="fail", value=70.0, routes=2, planned=2, rule="point")  # fmt: skip
-    (item,) = data["requirements"]
-    assert routes_of(data, [number for number, *_ in item["worst"]]) == [("clean", "101")]
-    assert item["worst"][0][1:] == [None, 40.0]
-
-
-@pytest.mark.parametrize(
-    ("rule", "verdict", "routes", "level", "told"),
-    [
-        ("evidence", "pass", 2, "90 %", "Shown: DS > 65 on routes like these, wrong at most 5% of the time."),
-        ("evidence", "fail", 2, "90 %", "Shown: DS < 70 on routes like these, wrong at most 5% of the time."),
-        ("evidence", "inconclusive", 2, "90 %", ""),
-        ("list", "pass", 2, "95 %", "Decided for exactly these 2 routes and their seeds, not for others."),
-        ("point", "fail", 2, "95 %", "Compared with the limit for exactly these 2 routes and their seeds, not for "
-                                     "others."),
-    ],
-)  # fmt: skip
-def test_a_requirement_tells_what_its_verdict_promises_and_the_level_of_its_interval(
-    tmp_path, rule, verdict, routes, level, told
-):
-    data = requirement_of(tmp_path, make_result("101"), make_result("301"), metric="DS", setting="clean",
-                          comparison=">=", limit=70.0, verdict=verdict, value=70.0, routes=routes, planned=2,
-                          rule=rule, margin=5.0 if rule == "evidence" else 0.0)  # fmt: skip
-    (item,) = data["requirements"]
-    assert (item["level"], item["promise"]) == (level, told)
-
-
-def test_an_error_names_the_episodes_that_broke_and_those_of_its_clean_twins(tmp_path):
-    other = "500 ms latency"
-    results = [
-        crashed_simulation("101"), make_result("301"), make_result("101", setting=SETTING),
-        make_result("301", setting=SETTING, end=End.AGENT_CRASHED), crashed_simulation("101", setting=other),
-    ]  # fmt: skip
-    given = {"metric": "RD", "setting": SETTING, "comparison": "<=", "limit": 0.3, "verdict": "error"}
-    data = requirement_of(tmp_path / "rd", *results, **given)
-    assert routes_of(data, data["requirements"][0]["broken"]) == [("clean", "101"), (SETTING, "301")]
-    data = requirement_of(tmp_path / "ds", *results, **{**given, "metric": "DS"})
-    assert routes_of(data, data["requirements"][0]["broken"]) == [(SETTING, "301")]
 
 
 def test_an_episode_knows_its_clean_twin_whatever_the_order(tmp_path):
