@@ -22,7 +22,7 @@ def require_touched(setting: Setting, results: Sequence[EpisodeResult]) -> None:
     if not driven or len(receptions) < len(driven) or any(item.touched for item in receptions):
         return
     dt_s, seen = driven[0].dt_s, receptions[0]
-    reasons = [f"{item}: {_idle_reason(item, seen, dt_s)}" for item in setting.perturbations]
+    reasons = [f"{item}: {_idle_reason(item, seen, dt_s).rstrip('.')}." for item in setting.perturbations]
     episodes = "the only episode" if len(driven) == 1 else f"all {len(driven)} episodes"
     raise ComparisonError(
         "\n  ".join(

@@ -28,7 +28,7 @@ def test_a_camera_failure_judged_on_an_agent_without_cameras_is_an_error_that_sa
         [
             "ERROR: not judged: RD under occlusion 0.5 <= 0.30",
             "occlusion 0.5 changed nothing in all 3 episodes of agent 'steady', *",
-            "  occlusion 0.5: the agent has no camera",
+            "  occlusion 0.5: the agent has no camera.",
             "  the agent has no camera; of its sensors it declares to use cameras, compass, gps, imu, speed.",
         ]
     )
