@@ -71,7 +71,8 @@ def test_a_setting_that_changed_nothing_is_refused_with_the_reason(
 
 def test_every_member_of_the_stack_gets_its_reason() -> None:
     setting = PartialObservation(ratio=0.5) + GpsNoise(std_m=0)
-    with pytest.raises(ComparisonError, match=r"occlusion 0\.5: the agent has no camera\.\n  GPS noise 0 m: noise of 0"):
+    told = r"occlusion 0\.5: the agent has no camera\.\n  GPS noise 0 m: noise of 0"
+    with pytest.raises(ComparisonError, match=told):
         require_touched(setting, episodes(setting))
 
 
