@@ -39,6 +39,8 @@ from pytest_drive_robust.verdict.touched import require_touched
 ONE_AT_A_TIME = threading.RLock()
 """The lock for asking the campaign: a test may ask from several threads, the campaign answers one at a time."""
 
+_KEPT = "Finished episodes are kept: give the test more time, or run again to go on."
+
 
 class Drive:
     """The `drive` fixture: judges requirements and measures metrics for the agent, routes and seeds of this test.
@@ -233,16 +235,21 @@ class Drive:
     def _errors_of(self, what: object) -> Iterator[None]:
         """Note an error that leaves the test without an answer; raise `NotJudgedError` in place of one of ours.
 
-        Any other error is raised as it is: its traceback leads to what is wrong, and an xfail may name its class.
+        Likewise in place of `pytest.fail`, by which pytest-timeout cuts off a test that waits for episodes. Any other
+        error is raised as it is: its traceback leads to what is wrong, and an xfail may name its class.
         """
         __tracebackhide__ = True
         self._calls += 1
         try:
             with ONE_AT_A_TIME, variables_of_tests_told(self._item):
                 yield
-        except Exception as error:  # whichever: there is no number to judge
+        except (Exception, pytest.fail.Exception) as error:  # whichever: there is no number to judge
             self._item.user_properties.append(("drive_verdict", "error"))
-            told = NotJudgedError(what, error) if isinstance(error, DriveRobustError) else error
+            told: BaseException = error
+            if isinstance(error, pytest.fail.Exception):
+                told = NotJudgedError(what, f"the test was cut off: {error} {_KEPT}")
+            elif isinstance(error, DriveRobustError):
+                told = NotJudgedError(what, error)
             for key in (UNANSWERED, RAISED):
                 self._item.stash.setdefault(key, []).append(told)
             if told is error:

@@ -138,7 +138,9 @@ class Campaign:
         """
         try:
             judgement = self.decide(requirement, scope, verdict_rule)
-        except Exception as error:
+        except KeyboardInterrupt:  # the run itself says that it was interrupted
+            raise
+        except BaseException as error:  # pytest-timeout raises what is no `Exception`
             told = str(error) if isinstance(error, DriveRobustError) else f"{type(error).__name__}: {error}"
             self.observer(not_judged(requirement, scope, nodeid, told))
             raise
