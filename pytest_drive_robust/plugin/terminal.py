@@ -82,7 +82,7 @@ def progress_for(config: pytest.Config) -> Progress:
         return PlainProgress(terminal.at_line_start)
     if capture is None or config.getoption("capture") == "no":
         return LiveProgress(terminal.at_line_start)
-    return LiveProgress(terminal.below, leave=terminal.leave)
+    return LiveProgress(terminal.below, leave=terminal.leave, lines=terminal.at_line_start)
 
 
 def is_terminal(reporter: Any) -> bool:

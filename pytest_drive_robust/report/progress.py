@@ -42,7 +42,8 @@ class Progress:
 class PlainProgress(Progress):
     """Writes a line when a setting is finished, at most one in 3 s, and a sign of life every 30 s.
 
-    While functions are being compiled, writes a line at once and then one every 5 s.
+    While functions are being compiled, writes a line at once and then one every 5 s. A problem of the store is a line
+    of its own at once.
     """
 
     def __init__(self, screen: Screen, clock: Callable[[], float] = time.monotonic) -> None:
@@ -54,6 +55,8 @@ class PlainProgress(Progress):
 
     def see(self, event: Event) -> None:
         """Take in an event and perhaps write a line."""
+        if trouble := self._state.trouble(event):
+            _write_line(self._screen, trouble)
         for needed in self._state.see(event)[-1:]:  # clean twins come first: name the last setting
             if self._clock() - self._written_s >= _PLAIN_S:
                 self._write(f"{needed.agent} under {needed.setting} done, {self._state.counts()}")
@@ -69,19 +72,26 @@ class PlainProgress(Progress):
 
     def _write(self, text: str) -> None:
         self._written_s = self._clock()
-        with self._screen() as stream:
-            stream.write(f"drive-robust: {text}\n")
-            stream.flush()
+        _write_line(self._screen, text)
 
 
 class LiveProgress(Progress):
-    """Draws one line again and again, removes the line before other output, and goes back to the line above."""
+    """Draws one line again and again, removes the line before other output, and goes back to the line above.
+
+    A problem of the store is written to `lines` (default: `screen`) at once, and stays.
+    """
 
     def __init__(
-        self, screen: Screen, clock: Callable[[], float] = time.monotonic, *, leave: Leave = lambda: 0
+        self,
+        screen: Screen,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        leave: Leave = lambda: 0,
+        lines: Screen | None = None,
     ) -> None:
         self._screen = screen
         self._leave = leave
+        self._lines = lines or screen
         self._clock = clock
         self._state = ProgressState(clock)
         self._live: Live | None = None
@@ -90,6 +100,9 @@ class LiveProgress(Progress):
     def see(self, event: Event) -> None:
         """Take in an event; drawing waits for `refresh`."""
         self._state.see(event)
+        if trouble := self._state.trouble(event):
+            self.pause()
+            _write_line(self._lines, trouble)
 
     def refresh(self) -> None:
         """Draw the line, five times a second at most."""
@@ -113,6 +126,12 @@ class LiveProgress(Progress):
             if column := self._leave():
                 self._live.console.control(Control.move(x=column, y=-1))
         self._live = None
+
+
+def _write_line(screen: Screen, text: str) -> None:
+    with screen() as stream:
+        stream.write(f"drive-robust: {text}\n")
+        stream.flush()
 
 
 def _live_on(stream: TextIO) -> Live:

@@ -15,6 +15,7 @@ from pytest_drive_robust.store.events import (
     Reused,
     Spared,
     Started,
+    StoreTroubled,
 )
 
 _ALONE_S = 3.0
@@ -40,6 +41,7 @@ class ProgressState:
         self._pace = Pace(clock)
         self._left: frozenset[str] | None = None
         self._compiling: Compiling | None = None
+        self._troubles: set[str] = set()
 
     def see(self, event: Event) -> list[EpisodesNeeded]:
         """Take in an event. Return the settings that the event completed."""
@@ -70,6 +72,13 @@ class ProgressState:
         completed = [needed for needed in self._open if all(map(self._is_over, needed.keys))]
         self._open = [needed for needed in self._open if needed not in completed]
         return completed
+
+    def trouble(self, event: Event) -> str:
+        """Return a new problem of the store; empty for other events, and for a problem that another worker sent."""
+        if not isinstance(event, StoreTroubled) or event.sentence in self._troubles:
+            return ""
+        self._troubles.add(event.sentence)
+        return event.sentence
 
     @property
     def done(self) -> int:

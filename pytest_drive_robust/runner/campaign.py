@@ -24,7 +24,7 @@ from pytest_drive_robust.runner.verdict_events import episodes_needed, judged, n
 from pytest_drive_robust.stats.judges import Judge, read_until_decided
 from pytest_drive_robust.stats.pace import likely_left
 from pytest_drive_robust.store.base import EpisodeStore
-from pytest_drive_robust.store.events import Planned, RoutesRead, Spared, StoreTroubled, Used
+from pytest_drive_robust.store.events import Planned, RoutesRead, Spared, Used
 from pytest_drive_robust.verdict.evaluate import Verdict, evaluate
 from pytest_drive_robust.verdict.requirement import Requirement
 
@@ -75,7 +75,6 @@ class Campaign:
         require_unchanged: Callable[[str], None] = lambda agent: None,
     ) -> None:
         self._store = store
-        self._told: set[str] = set()
         self._first: tuple[EpisodeRequest, ...] = ()
         self.observer = observer
         self._metrics = metrics
@@ -253,7 +252,4 @@ class Campaign:
             raise
         finally:
             self.observer.idle()
-            for problem in self._store.problems():
-                if problem not in self._told:
-                    self._told.add(problem)
-                    self.observer(StoreTroubled(problem))
+            self.scheduler.tell_problems()

@@ -14,7 +14,7 @@ from pytest_drive_robust.runner.executor import Executor
 from pytest_drive_robust.runner.plan import EpisodeRequest
 from pytest_drive_robust.store.base import EpisodeStore
 from pytest_drive_robust.store.claims import Claim
-from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started
+from pytest_drive_robust.store.events import Compiling, Event, Finished, Reused, Started, StoreTroubled
 
 _POLL_S = 0.05
 """Longest sleep in seconds: another process may finish an episode that we wait for, and the display must move."""
@@ -70,6 +70,7 @@ class Scheduler:
         self._later: dict[str, EpisodeRequest] = {}
         self._under_way: dict[str, _Drive] = {}
         self._seen: set[str] = set()
+        self._told: set[str] = set()
         self._elsewhere: set[str] = set()
         self._broken: dict[str, BaseException] = {}
         self._longest_s: dict[tuple[str, str], float] = {}
@@ -154,6 +155,14 @@ class Scheduler:
                 del self._under_way[key]  # last: after an interrupt the next call, or close(), repeats this
             self._note_duration(request, future.result().wall_s)
             self._observer(Finished(key, future.result().wall_s))
+            self.tell_problems()  # now: what a full disk does not keep is lost when the run is killed
+
+    def tell_problems(self) -> None:
+        """Send the new problems of the store to the observer."""
+        for problem in self._store.problems():
+            if problem not in self._told:
+                self._told.add(problem)
+                self._observer(StoreTroubled(problem))
 
     def expected_s(self, request: EpisodeRequest) -> float:
         """Return the wall seconds of the longest known drive of the same agent on the same route, 0 for none."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from pytest_drive_robust.domain.outcome import Outcome
@@ -183,7 +185,9 @@ def test_a_store_that_cannot_be_written_costs_only_the_store(rerun):
     (rerun.folder.path / "store" / "episodes").write_text("a file where a folder should be")
     count, result = rerun("--drive-store", "store")
     assert (count, result.ret) == (6, 0)
-    assert "cannot be written to" in " ".join(result.stdout.str().split())  # wrapped where the path ends
+    progress, table = result.stdout.str().split("= drive-robust =")
+    assert re.search(r"drive-robust: .*cannot be written to.*\n(.*\n)*drive-robust: steady under clean done", progress)
+    assert "cannot be written to" in " ".join(table.split())  # wrapped where the path ends
     count, result = rerun("--drive-store", "store", "-n2")
     assert (count, result.ret) == (6, 0)
 

@@ -5,7 +5,15 @@ from contextlib import contextmanager
 
 from pytest_drive_robust.report.progress import LiveProgress, PlainProgress
 from pytest_drive_robust.report.progress_state import ProgressState
-from pytest_drive_robust.store.events import Compiling, EpisodesNeeded, Finished, Planned, Spared, Started
+from pytest_drive_robust.store.events import (
+    Compiling,
+    EpisodesNeeded,
+    Finished,
+    Planned,
+    Spared,
+    Started,
+    StoreTroubled,
+)
 
 
 class Clock:
@@ -105,6 +113,13 @@ def test_a_long_setting_gives_a_sign_of_life():
         clock.now_s += 0.1
         progress.refresh()
     assert screen.stream.getvalue().count("0/1 episodes, now driver, clean, a Straight") == 2
+
+
+def test_a_problem_of_the_store_is_said_at_once_and_only_once():
+    for progress in (PlainProgress(screen := FakeScreen(), Clock()), LiveProgress(other := FakeScreen(), Clock())):
+        for _ in range(2):  # two workers send it
+            progress.see(StoreTroubled("the disk is full"))
+    assert screen.stream.getvalue() == other.stream.getvalue() == "drive-robust: the disk is full\n"
 
 
 def test_compiling_is_said_at_once_and_then_every_five_seconds():
