@@ -130,7 +130,8 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
 
     Always removes damaged records, set aside or not. Removes after a day records that no other run may reuse, and
     temporary and lock files of dead writers. `older_than_s` also selects every record written longer ago, and `agents`
-    every record of these agents; with both, a record must match both. Records that a living process has claimed, or
+    every record of these agents; with both, a record must match both. A record of another format, whose agent is not
+    known, is selected by its age alone. Records that a living process has claimed, or
     replaced meanwhile, stay. `dry` removes nothing.
     """
     files, claims, wanted = RecordFiles(folder), Claims(folder / "claims"), frozenset(agents)
@@ -146,8 +147,11 @@ def sweep(folder: Path, *, older_than_s: float | None = None, agents: Iterable[s
     states = {key: files.state(key) for key in files.all_keys()}  # before the index reads them
     rows = indexed_episodes(files)
     records = [files.path(row.key) for row in rows if not row.problem and goes(row)]
-    found = [_damage(files, row.key) for row in rows if row.problem]
-    damaged = [damage.path for damage in found if damage is not None and damage.is_certain]
+    found = [damage for row in rows if row.problem and (damage := _damage(files, row.key)) is not None]
+    damaged = [damage.path for damage in found if damage.is_certain]
+    if older_than_s is not None and not wanted:
+        others = (damage.path for damage in found if damage.later_version)
+        records += [path for path in others if _age_s(path, now_s) > older_than_s]
     aside = _lying_aside(folder)
     halves = [path for ours in _TEMPORARY for path in folder.glob(ours) if _age_s(path, now_s) > _DAY_S]
     locks = [path for path in folder.glob("claims/*.lock") if _age_s(path, now_s) > _DAY_S]

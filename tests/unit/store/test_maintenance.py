@@ -185,6 +185,22 @@ def test_sweeping_removes_damaged_records_that_no_run_met_and_none_of_a_later_ve
     assert [damage.key for damage in verify(store.folder)[1]] == ["aa02"]
 
 
+def test_old_records_of_another_version_go_with_the_other_old_ones(store, monkeypatch, capsys):
+    files = RecordFiles(store.folder)
+    with monkeypatch.context() as other:
+        other.setattr(record, "FORMAT_VERSION", 0)
+        for key in ("aa01", "aa02"):
+            store.put(key, make_result())
+    age(files.path("aa01"), 40)
+    old = ("gc", "--older-than", "30d")
+    assert run_cli(store, *old, "--agent", "driver") == run_cli(store, "gc") == 0
+    assert files.path("aa01").is_file(), "whose it is, this version cannot tell"
+    capsys.readouterr()
+    assert run_cli(store, *old) == 0
+    assert "removed 1 episode, 0 damaged records" in capsys.readouterr().out
+    assert [files.path(key).is_file() for key in ("aa01", "aa02")] == [False, True]
+
+
 def test_a_record_that_a_run_has_replaced_since_it_was_found_damaged_is_not_set_aside(store):
     files = RecordFiles(store.folder)
     files.path("aa01").write_bytes(b"")
