@@ -52,7 +52,8 @@ class WorkerSetup:
     whose hook `pytest_drive_robust_register` is called, in the order of their registration. `simulator` is a name or a
     reference of the registry. `threads` is the number of threads for torch, OpenMP, OpenCV and numba. `preload_agents`
     names agents whose modules are imported once for all processes. With `checks_identity` a process refuses to drive
-    when its code, weights or libraries differ from those of the process that started the run.
+    when its code, weights or libraries differ from those of the process that started the run. `sources` holds (file,
+    digest) of Python files: a process that loads one of them itself checks that the file has not changed.
     """
 
     python_path: tuple[str, ...]
@@ -63,6 +64,7 @@ class WorkerSetup:
     threads: int = 1
     preload_agents: tuple[str, ...] = ()
     checks_identity: bool = False
+    sources: tuple[tuple[str, str], ...] = field(default=(), repr=False)
     environment: tuple[tuple[str, str], ...] = field(default=(), repr=False)
 
     def start_python(

@@ -151,6 +151,7 @@ def _worker_setup(
         simulator=options.simulator,
         options=simulator_options(options),
         preload_agents=scopes.agents,
+        sources=scopes.sources() if options.store != "off" else (),
         environment=tuple(own.items()),
     )
 

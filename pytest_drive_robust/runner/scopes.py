@@ -26,6 +26,8 @@ from pytest_drive_robust.simulators.base import Simulator, SimulatorOptions
 from pytest_drive_robust.simulators.routes import default_spec
 from pytest_drive_robust.store.events import Identified
 
+_OWN = __name__.partition(".")[0]
+
 
 def simulator_options(options: RunOptions) -> SimulatorOptions:
     """Return the options that the world of a run is made with."""
@@ -119,7 +121,8 @@ class Scopes:
         """Raise `UsageError` where a Python file of an agent was edited after its keys were made.
 
         Call after the worker processes have loaded the code: later edits do not change what they drive. Other files of
-        the agent's package do not count, because an agent may write them itself.
+        the agent's package do not count, because an agent may write them itself. A worker process checks what it loads
+        itself (`sources`).
         """
         for agent, digest in tuple(self._sources.items()):
             factory = self._factory(agent)
@@ -132,6 +135,13 @@ class Scopes:
                     "episodes are found by the content of such files. Run again, and edit no file of the agent before "
                     "the first episode begins."
                 )
+
+    def sources(self) -> tuple[tuple[str, str], ...]:
+        """Return (file, digest) of each Python file of the agents, the simulator and the perturbations not ours."""
+        simulator = self._registry.entry("simulators", self._options.simulator).load()
+        targets = (*map(self._factory, self._sources), simulator, *self._registry.perturbations().values())
+        others = [target for target in targets if not str(getattr(target, "__module__", "")).startswith(f"{_OWN}.")]
+        return tuple({str(file): digest for target in others for file, digest in python_files(target).items()}.items())
 
     def identify(self, scope: Scope) -> Identified:
         """Return the digests of a scope's agent and routes. Raises `UsageError` for weights that cannot be read."""

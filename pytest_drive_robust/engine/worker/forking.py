@@ -158,7 +158,7 @@ class _Server:
             self._control.close()
             for number in (exit_w, *self._exits.values(), *self._progress_fds()):  # only the fork server reports an end
                 os.close(number)
-            serve(inherited, self._setup, limits, self._registry)
+            serve(inherited, self._setup, limits, self._registry, loaded=tuple(sys.modules))
         except BaseException:
             traceback.print_exc()
             os._exit(70)

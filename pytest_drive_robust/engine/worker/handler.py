@@ -13,6 +13,7 @@ from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
 from pytest_drive_robust.engine.messages import WorkerRequest, receive
 from pytest_drive_robust.engine.shared_state import Phase, SharedState
+from pytest_drive_robust.engine.worker.loaded_code import LoadedCode
 from pytest_drive_robust.engine.worker.process_state import read_process_state, restore_process_state
 from pytest_drive_robust.engine.worker_setup import WorkerSetup
 from pytest_drive_robust.errors import UsageError
@@ -36,15 +37,24 @@ class Reply(NamedTuple):
 
 
 class RequestHandler:
-    """Answers requests with the worlds and agents of this process. `connection` leads to the supervisor."""
+    """Answers requests with the worlds and agents of this process. `connection` leads to the supervisor.
+
+    `code` checks what an episode has loaded.
+    """
 
     def __init__(
-        self, worker_setup: WorkerSetup, registry: Registry, state: SharedState, connection: Connection
+        self,
+        worker_setup: WorkerSetup,
+        registry: Registry,
+        state: SharedState,
+        connection: Connection,
+        code: LoadedCode,
     ) -> None:
         self._setup = worker_setup
         self._registry = registry
         self._state = state
         self._connection = connection
+        self._code = code
         self._driver = EpisodeDriver(self._make_world, self._make_agent, watch=state)
         self._process_states: dict[str, Mapping[int, Any]] = {}
         self._checked: set[tuple[str, str]] = set()
@@ -74,6 +84,7 @@ class RequestHandler:
             if asked.recorded is not None:
                 return self._salvage(request, asked.recorded)
             result = self._driver.drive_once(request, asked.width)
+            self._code.check()
             if result.outcome is Outcome.AGENT_ERROR:  # the next agent object is made anew: its process state counts
                 self._process_states.pop(request.episode.agent, None)
             return result
@@ -132,6 +143,7 @@ class RequestHandler:
         while under_way:
             try:
                 request, result = next(driving)
+                self._code.check()
                 ended: list[Reply] = [Reply(tokens.pop(id(request)), result)]
             except BaseException as error:
                 refusal = error if isinstance(error, UsageError) and len(under_way) == 1 else None

@@ -7,13 +7,14 @@ import fcntl
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from multiprocessing.connection import Connection
 
 from pytest_drive_robust.domain.outcome import Outcome
 from pytest_drive_robust.engine.messages import answer_bytes, receive
 from pytest_drive_robust.engine.shared_state import CUT_OFF, SharedState
 from pytest_drive_robust.engine.worker.handler import RequestHandler
+from pytest_drive_robust.engine.worker.loaded_code import LoadedCode
 from pytest_drive_robust.engine.worker.process_state import (
     Leftovers,
     add_late_modules,
@@ -31,8 +32,18 @@ _PRIVATE_FROM = 600
 """Lowest number of our own descriptors: code that closes low descriptors does not reach them."""
 
 
-def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, registry: Registry) -> None:
-    """Answer requests until the supervisor closes the connection. `inherited`: see `WorkerProcess`."""
+def serve(
+    inherited: Sequence[int],
+    worker_setup: WorkerSetup,
+    limits: Limits,
+    registry: Registry,
+    *,
+    loaded: Iterable[str] = (),
+) -> None:
+    """Answer requests until the supervisor closes the connection. `inherited`: see `WorkerProcess`.
+
+    `loaded` names the modules that the fork server had loaded.
+    """
     messages, output, memory = inherited
     connection, faults = Connection(_private(messages)), _private(os.dup(output))
     _redirect(output)
@@ -40,7 +51,8 @@ def serve(inherited: Sequence[int], worker_setup: WorkerSetup, limits: Limits, r
     os.close(memory)
     contract.BLAMED = (BaseException,)
     limit_memory(limits.memory_bytes)
-    handler = RequestHandler(worker_setup, registry, state, connection)
+    code = LoadedCode(dict(worker_setup.sources), loaded)
+    handler = RequestHandler(worker_setup, registry, state, connection, code)
     start = read_process_state()
     add_late_modules(start)
     leftovers = Leftovers((0, 1, 2, connection.fileno(), faults), growth_bytes=limits.growth_bytes)

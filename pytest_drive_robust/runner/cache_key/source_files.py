@@ -47,13 +47,18 @@ def source_digest(factory: object) -> str:
         return ""
 
 
-def python_files(factory: object) -> list[Path]:
-    """Return the Python files that `source_digest` reads, sorted; empty for unknown code."""
+def python_files(factory: object) -> dict[Path, str]:
+    """Return the Python files that `source_digest` reads, sorted, with their digests; empty for unknown code."""
     try:
         walk = _Walk(file_of(factory), str(getattr(factory, "__module__", "")))
     except UnknownSourceError:
-        return []
-    return sorted(path for path in walk.files if path.suffix == ".py")
+        return {}
+    return {path: digest for path, digest in sorted(walk.files.items()) if path.suffix == ".py"}
+
+
+def content_digest(name: str, content: bytes) -> str:
+    """Return a digest of what counts of the content of the file `name`."""
+    return hashlib.blake2b(what_counts(name, content)).hexdigest()
 
 
 def imported_versions(target: object) -> dict[str, str]:
@@ -137,7 +142,7 @@ class _Walk:
         self._found: dict[str, str] = {}
         self._installed: dict[str, str] = {}  # versions
         self._tops: set[str] = set()
-        self.files: set[Path] = set()
+        self.files: dict[Path, str] = {}  # digests
         self._folders: set[Path] = set()
         self._find = functools.cache(distributions.find_module)  # many files import the same few
         folder = _package_folder(file, module)
@@ -171,14 +176,13 @@ class _Walk:
     def _add_file(self, path: Path, name: str) -> None:
         if path in self.files:
             return
-        self.files.add(path)
         try:
             content = path.read_bytes()
         except OSError as error:  # in a zip file, or not allowed
             raise UnknownSourceError(f"{path} cannot be read: {error.strerror}") from None
         while name in self._found:  # a file of another folder has this name
             name += "'"
-        self._found[name] = hashlib.blake2b(what_counts(path.name, content)).hexdigest()
+        self._found[name] = self.files[path] = content_digest(path.name, content)
         if path.suffix == ".py":
             for imported in imports_in(content):
                 self._follow(imported, path)
