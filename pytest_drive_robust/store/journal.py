@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.store.events import Event, event_from_json, event_to_json
 
 
@@ -14,15 +15,23 @@ class JournalWriter:
     def __init__(self, folder: Path, *, name: str) -> None:
         journals = folder / "journals"
         journals.mkdir(parents=True, exist_ok=True)
-        self._file = (journals / f"{name}.jsonl").open("ab", buffering=0)
+        self._path = journals / f"{name}.jsonl"
+        self._file = self._path.open("ab", buffering=0)
         self._cut = self._file.tell() > 0
 
     def __call__(self, event: Event) -> None:
-        """Append one event on its own line, even after a line that was cut off. Raises `OSError`."""
+        """Append one event on its own line, even after a line that was cut off. Raises `DriveRobustError`."""
         rest = memoryview(b"\n" * self._cut + event_to_json(event).encode() + b"\n")
         self._cut = True
-        while rest:
-            rest = rest[self._file.write(rest) :]
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError as error:
+            raise DriveRobustError(
+                f"what this worker does cannot be written to {self._path}, where the run reads it: "
+                f"{error.strerror or error}. Make room there, or let TMPDIR name a folder with room, and run again: "
+                "finished episodes are kept."
+            ) from error
         self._cut = False
 
     def close(self) -> None:

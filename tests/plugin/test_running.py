@@ -251,3 +251,21 @@ def test_it(drive):
 
 def test_a_mode_of_distribution_without_workers_drives_here(suite):
     run(suite("DS under clean >= 1"), "--dist", "loadfile").assert_outcomes(passed=1)
+
+
+def test_a_worker_without_room_for_its_journal_says_so_without_our_traceback(suite):
+    full = """
+
+@pytest.fixture(autouse=True)
+def full_disk():
+    import resource
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1, usual[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+"""
+    result = suite("DS under clean >= 60", conftest=full).runpytest_inprocess("--drive-robust", "-n1")
+    assert result.ret == 1
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines(["what this worker does cannot be written to *gw0.jsonl, *File too large. Make room *"])
+    assert "journal.py" not in result.stdout.str()

@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from pytest_drive_robust.errors import DriveRobustError
 from pytest_drive_robust.store.events import (
     EpisodesNeeded,
     Finished,
@@ -64,7 +65,7 @@ def test_an_event_behind_one_that_a_full_disk_cut_off_is_read(tmp_path, monkeypa
 
     with monkeypatch.context() as full:
         full.setattr(writer, "_file", SimpleNamespace(write=write))
-        with pytest.raises(OSError, match="full"):
+        with pytest.raises(DriveRobustError, match=r"gw0\.jsonl, where the run reads it: the disk is full\. Make"):
             writer(EVENTS[0])
     writer(EVENTS[1])
     writer.close()
