@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from pytest_drive_robust.errors import UsageError
+from pytest_drive_robust.options.cores import available_cores
 from pytest_drive_robust.options.option import GivenText, OptionSource, asked_for, option, read_fields
 from pytest_drive_robust.options.parsers import folder_path, gigabytes, one_of, program, time_limit_s
 from pytest_drive_robust.options.run import BENCH2DRIVE
@@ -106,14 +105,8 @@ class ExecutionOptions:
             )
 
     def slots(self, *, shared: bool) -> int:
-        """Return how many episodes to drive at a time: `workers`, else 1 if `shared`, else every core of this process.
+        """Return how many episodes to drive at a time: `workers`, else 1 if `shared`, else one for each available core.
 
         `shared` says that other pytest-xdist workers drive at the same time, each on its own core.
         """
         return self.workers or (1 if shared else available_cores())
-
-
-def available_cores() -> int:
-    """Return how many cores this process may use."""
-    affinity: Callable[[int], set[int]] | None = getattr(os, "sched_getaffinity", None)
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1

@@ -23,7 +23,7 @@ from pytest_drive_robust.engine.messages import WorkerRequest
 from pytest_drive_robust.engine.ray.worker import ClusterRequest
 from pytest_drive_robust.engine.worker_setup import Limits, WorkerSetup
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.execution import available_cores
+from pytest_drive_robust.options.cores import available_cores
 from pytest_drive_robust.registry.registry import Registry, default_registry
 from pytest_drive_robust.runner.cache_key.code_text import session
 from pytest_drive_robust.runner.executor import Executor

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from pytest_drive_robust.errors import UsageError
-from pytest_drive_robust.options.execution import ExecutionOptions, available_cores
+from pytest_drive_robust.options.cores import available_cores
+from pytest_drive_robust.options.execution import ExecutionOptions
 
 
 def asked(ini: dict[str, str] | None = None, **given: object) -> ExecutionOptions:
@@ -45,12 +45,6 @@ def test_a_worker_of_xdist_drives_one_episode_at_a_time_and_a_run_alone_one_on_e
     assert asked().slots(shared=False) == available_cores()
     assert asked(drive_workers="3").slots(shared=True) == asked(drive_workers="3").slots(shared=False) == 3
     assert asked({"drive_workers": "auto"}).workers is None
-
-
-@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="every core is ours there")
-def test_only_the_cores_that_this_process_may_use_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {3, 5, 7})
-    assert available_cores() == 3
 
 
 @pytest.mark.parametrize(
