@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -26,6 +27,22 @@ def test_it_says_what_was_compiled_and_where_it_is_kept(
     monkeypatch.setattr(compiling, "compile_kernels", lambda tell: missing)
     assert main(["warm", "--here"]) == 0
     assert capsys.readouterr() == (said.format(folder=cache_folder()), "")
+
+
+@pytest.mark.parametrize("missing", [3, 0])
+def test_where_nothing_can_be_kept_nothing_is_compiled_for_later(
+    missing: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("where a folder should be")
+    monkeypatch.setattr("numba.config.CACHE_DIR", str(tmp_path / "file"))
+    monkeypatch.setattr(compiling, "missing_functions", lambda: missing)
+    monkeypatch.setattr(compiling, "compile_kernels", lambda tell: missing)
+    assert main(["warm", "--here"]) == (4 if missing else 0)
+    out, told = capsys.readouterr()
+    if missing:
+        assert out == ""
+        assert f"cannot be kept in '{tmp_path / 'file' / 'pytest-drive-robust'}': Not a directory. Make room" in told
+        assert "NUMBA_CACHE_DIR" in told
 
 
 @pytest.mark.parametrize("is_terminal", [True, False])
