@@ -13,6 +13,7 @@ from multiprocessing.connection import wait
 from typing import Generic, TypeVar
 
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine.awake_clock import LONGEST_WAIT_S, AwakeClock
 from pytest_drive_robust.engine.death import Cause, Death, Explanation, explain
 from pytest_drive_robust.engine.messages import TOKEN_BYTES, WorkerRequest, read_answer, receive
 from pytest_drive_robust.engine.shared_state import StateReading
@@ -43,6 +44,7 @@ class Exchange(Generic[T]):
         self.failure: Explanation | None = None
         self.is_spent = False
         self._under_way: dict[bytes, tuple[float, T]] = {}  # by token: start time, receiver
+        self._clock = AwakeClock()
 
     @property
     def _started_s(self) -> float:
@@ -108,24 +110,21 @@ class Exchange(Generic[T]):
 
     def _patience_s(self) -> float | None:
         """Return the seconds until a limit must be checked, None without limits. A later call has a later limit."""
-        now = time.monotonic()
         waits = [_POLL_S] if self._most > 1 else []
         if self._limits.episode_s is not None:
-            waits.append(self._started_s + self._limits.episode_s - now)
+            waits.append(self._limits.episode_s - self._clock.since(self._started_s))
         if self._limits.act_s is not None:
             reading = self._worker.state.read()
-            begun_s = reading.since_s if reading.phase.is_call else now
-            waits.append(begun_s + self._limits.act_s - now)
-        return max(0.0, min(waits)) + 0.001 if waits else None
+            waits.append(self._limits.act_s - (self._clock.since(reading.since_s) if reading.phase.is_call else 0.0))
+        return max(0.0, min(*waits, LONGEST_WAIT_S)) + 0.001 if waits else None
 
     def _check_limits(self) -> None:
         """Kill the worker when a call or an episode has passed its limit."""
-        now = time.monotonic()
         reading = self._worker.state.read()
         act_s, episode_s = self._limits.act_s, self._limits.episode_s
-        if act_s is not None and reading.phase.is_call and now - reading.since_s > act_s:
+        if act_s is not None and reading.phase.is_call and self._clock.since(reading.since_s) > act_s:
             self._lost(Cause.ACT_DEADLINE, reading, limit_s=act_s)
-        elif episode_s is not None and now - self._started_s > episode_s:
+        elif episode_s is not None and self._clock.since(self._started_s) > episode_s:
             self._lost(Cause.EPISODE_DEADLINE, reading, limit_s=episode_s)
 
     def _lost(
@@ -141,14 +140,13 @@ class Exchange(Generic[T]):
                 worker.wait(_EXIT_S)
             worker.kill()
             worker.wait(_EXIT_S)
-        now = time.monotonic()
         death = Death(
             cause=cause if status is None else Cause.DIED,
             reading=reading,
             status=status,
             limit_s=limit_s,
-            lasted_s=now - reading.since_s,
-            elapsed_s=now - self._started_s,
+            lasted_s=self._clock.since(reading.since_s),
+            elapsed_s=self._clock.since(self._started_s),
             printed=worker.printed(self._limits.output_bytes),
         )
         self.failure = replace(explain(death), recorded=worker.state.recorded())

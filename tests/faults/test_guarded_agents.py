@@ -16,6 +16,8 @@ from patience import PATIENCE_S
 
 from pytest_drive_robust.domain.outcome import End, Outcome
 from pytest_drive_robust.domain.result import EpisodeResult
+from pytest_drive_robust.engine import exchange
+from pytest_drive_robust.engine.awake_clock import AwakeClock
 from pytest_drive_robust.engine.supervisor import Supervisor
 from pytest_drive_robust.engine.worker_setup import Limits
 from pytest_drive_robust.perturbations import InferenceLatency, Setting
@@ -120,6 +122,22 @@ def test_a_call_that_does_not_return_is_cut_off_in_time(supervisor: Supervisor, 
     assert_lost_in_act(result, End.AGENT_TIMED_OUT)
     assert result.end_detail.startswith("took longer than 2 s in act at tick 30")
     assert_still_fine(supervisor)
+
+
+def test_time_in_which_everything_was_stopped_is_no_time_of_the_agent(
+    supervisor: Supervisor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As in a container that is paused for an hour, here by the clock alone."""
+    begun_s = time.monotonic()
+
+    def paused() -> AwakeClock:
+        readings = iter([0.0, 0.0])
+        return AwakeClock(lambda: time.monotonic() + next(readings, 3600.0))
+
+    monkeypatch.setattr(exchange, "AwakeClock", paused)
+    assert_still_fine(supervisor)
+    assert_lost_in_act(supervisor.drive(request("Hangs")), End.AGENT_TIMED_OUT)
+    assert time.monotonic() - begun_s < PATIENCE_S
 
 
 @pytest.mark.parametrize("agent", ["Hangs", "HangsInC"])
