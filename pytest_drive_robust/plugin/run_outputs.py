@@ -107,7 +107,11 @@ class RunOutputs:
             return True
         late = [item for item in run.late if item.nodeid not in may_fail and not self._checks.is_waived(item)]
         run = self._run = replace(
-            run, ended_early=ended_early, stopped_tests=stopped, own_verdicts=own_verdicts, late=tuple(late)
+            run,
+            ended_early=ended_early or run.ended_early,
+            stopped_tests=stopped,
+            own_verdicts=own_verdicts,
+            late=tuple(late),
         )
         if not run.episodes:
             self._problems.append(_NOTHING_DRIVEN + advice)

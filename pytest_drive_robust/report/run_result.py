@@ -14,6 +14,7 @@ from pytest_drive_robust.metrics.episodes import values_by_route
 from pytest_drive_robust.metrics.score import driving_score
 from pytest_drive_robust.metrics.summary import Summary, summarize
 from pytest_drive_robust.options.run import RunOptions
+from pytest_drive_robust.report.numbers import counted
 from pytest_drive_robust.stats.intervals import evidence_interval, mean_evidence_interval
 from pytest_drive_robust.stats.multiple_verdicts import late_fails
 from pytest_drive_robust.store.base import Find
@@ -33,6 +34,10 @@ from pytest_drive_robust.store.events import (
 
 Interval = tuple[float, float]
 _Scope = tuple[str, str, str, tuple[int, ...]]
+_LOST = (
+    "the store lost {} that verdicts rest on while the run was under way, as by `drive-robust store gc` or "
+    "`git clean`: the verdicts stand, but their rows are incomplete. Run again"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +91,8 @@ class RunResult:
     on the speed of the workers. `driven` is how many of `episodes` this run drove itself; the others were in the store.
     `late` are the verdicts of `judged` that were inconclusive in their test and became fails when all p-values were
     known, without those that are waived or of a test that was expected to fail. `ended_early` is True when tests were
-    left at the end of the run, or broke before their verdict; the result lacks the requirements of those tests.
+    left at the end of the run, or broke before their verdict; the result lacks the requirements of those tests. It is
+    True as well when the store no longer holds an episode that a verdict rests on; a note says so.
     `stopped_tests` are the tests that their own verdict stopped with statements left: what those may have asked is
     lacking, too. `own_verdicts` are the tests that failed by an assert of their own, of which no requirement tells.
     """
@@ -123,6 +129,7 @@ class RunResult:
         spared = {key for event in events if isinstance(event, Spared) for key in event.keys}
         used = {key for event in events if isinstance(event, Used) for key in event.keys}
         episodes = {key: result for key in order if key in used and (result := find(key)) is not None}
+        lost = len(used & order.keys()) - len(episodes)
         judged = list(dict.fromkeys(event for event in events if isinstance(event, Judged)))
         judged, late = _corrected(judged, options)
         plugins = (word for event in events if isinstance(event, NamesRegistered) for word in event.plugins)
@@ -141,11 +148,13 @@ class RunResult:
             judged=tuple(judged),
             episodes=episodes,
             versions={"python": platform.python_version(), **versions, **_versions_told(episodes.values())},
-            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, StoreTroubled))),
+            notes=(*notes, *dict.fromkeys(event.sentence for event in events if isinstance(event, StoreTroubled)))
+            + ((_LOST.format(counted(lost, "episode")),) if lost else ()),
             identified=tuple(dict.fromkeys(event for event in events if isinstance(event, Identified))),
             searched=tuple(dict.fromkeys(event for event in events if isinstance(event, Searched))),
             late=late,
             driven=len(episodes.keys() & {event.key for event in events if isinstance(event, Finished)}),
+            ended_early=lost > 0,
         )
 
 

@@ -141,3 +141,22 @@ def test_a_run_whose_last_test_failed_is_complete_with_x_too(suite):
     result = run(folder, "--drive-save=before", "--drive-json=run.json", "-x")
     result.stdout.fnmatch_lines(["stored as before; *"])
     assert json.loads((folder.path / "run.json").read_text())["notes"] == []
+
+
+def test_a_run_whose_episodes_the_store_lost_meanwhile_says_so_and_is_not_taken_for_whole(suite):
+    cleaning = """
+import shutil
+from pathlib import Path
+
+
+def test_that_cleans():
+    shutil.rmtree(Path(__file__).parent / ".drive-robust")
+"""
+    folder = suite(HOLDS, test=cleaning)
+    told = run(folder, "--drive-json=run.json", "-n1").stdout.str()
+    assert "the store lost 3 episodes that verdicts rest on while the run was under way" in " ".join(told.split())
+    document = json.loads((folder.path / "run.json").read_text())
+    assert document["ended_early"] is True
+    assert any("the store lost" in note for note in document["notes"])
+    run(folder, "--drive-json=run.json", "-n1", "-k", "requirement")
+    assert json.loads((folder.path / "run.json").read_text())["ended_early"] is False
