@@ -34,7 +34,10 @@ _NOT_NUMBERS = frozenset({"pytest", "pytest-drive-robust"})
 
 @dataclass(frozen=True, slots=True)
 class AgentPrint:
-    """The distribution and the digests of source and weights of an agent; empty when unknown (see `identity`)."""
+    """The distribution and the digests of source and weights of an agent; empty when unknown (see `identity`).
+
+    The distribution of an agent that a hook registered is the place of its definition: `"conftest.py:MyAgent"`.
+    """
 
     distribution: str = ""
     source: str = ""
@@ -123,7 +126,9 @@ def _versions(before: Fingerprint, after: Fingerprint) -> Iterable[Mismatch]:
 
 def _agents(before: AgentPrint, after: AgentPrint, agent: str) -> Iterable[Mismatch]:
     changes = []
-    if before.distribution != after.distribution and before.distribution and after.distribution:
+    places = before.distribution, after.distribution
+    # two places are not compared: how they are called depends on the folder of the call, and the source counts anyway
+    if before.distribution != after.distribution and all(places) and not all(":" in place for place in places):
         changes.append(f"{before.distribution} became {after.distribution}")
     for what in ("source", "weights"):
         was, now = getattr(before, what), getattr(after, what)

@@ -104,6 +104,16 @@ def test_a_worse_agent_is_red_although_its_requirements_hold(both, workers):
     assert all(len(line) <= 100 for line in section if line.startswith("steady "))
 
 
+def test_an_agent_has_not_changed_when_pytest_is_called_in_another_folder(both, monkeypatch):
+    run(both, "--drive-save=before")
+    folder = both.path / "elsewhere"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    told = run(both, "..", "--drive-compare=before").stdout.str()
+    assert "not one score changed in 2 settings against before" in told
+    assert "note: the agent" not in told
+
+
 def test_evidence_drives_every_route_and_judges_an_unchanged_and_a_worse_agent(suite):
     folder = suite(HOLDS)
     many_routes(folder)
