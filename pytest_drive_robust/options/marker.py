@@ -42,7 +42,10 @@ class MarkerOptions:
     def verdict_rule(self, usual: VerdictRule) -> VerdictRule:
         """Return `usual`, the run's verdict rule, with the kind and the margin of these marks. Raises `UsageError`."""
         kind = usual.kind if self.verdict is None else self.verdict
-        return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
+        try:
+            return replace(usual, kind=kind, margin=usual.margin if self.margin is None else self.margin)
+        except UsageError as error:  # its advice is the option, which cannot mend what wins over it
+            raise UsageError(f"{error} Here the marker or drive.check sets it, which wins: mend it there.") from None
 
     @classmethod
     def from_marks(cls, marks: Iterable[_Mark]) -> MarkerOptions:

@@ -109,7 +109,8 @@ class CollectionPlugin:
             context.scopes.check_setting(requirement.setting)
             advice = requirement.advice(verdict_rule, len(scope.routes))
             if advice.level == "refuse":
-                raise UsageError(f"{advice.text} Or judge exactly these routes: --drive-verdict list.")
+                by_list = "--drive-verdict list" if marker.verdict is None else "verdict='list' in the marker"
+                raise UsageError(f"{advice.text} Or judge exactly these routes: {by_list}.")
             if advice.text:
                 place = len(scope.routes), verdict_rule.margin, verdict_rule.alpha
                 self._advice.setdefault(place, advice.text)

@@ -41,6 +41,22 @@ def test_pinned(drive, agent):
 
 
 @pytest.mark.parametrize(
+    ("marked", "told"),
+    [
+        ("margin=2", "Here the marker or drive.check sets it, which wins: mend it there."),
+        ("verdict='points'", "Here the marker or drive.check sets it, which wins: mend it there."),
+        ("verdict='evidence'", "Or judge exactly these routes: verdict='list' in the marker."),
+    ],
+)
+def test_a_rule_of_a_marker_is_to_be_mended_in_the_marker(suite, driven, marked, told):
+    folder = suite("DS under clean >= 1", test=f"\npytestmark = pytest.mark.drive_robust({marked})\n")
+    result = run(folder)
+    assert result.ret == 4
+    assert told in result.stderr.str()
+    assert driven() == []
+
+
+@pytest.mark.parametrize(
     ("args", "marks", "told"),
     [
         ((), 2, ""),
