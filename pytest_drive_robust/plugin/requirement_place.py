@@ -13,11 +13,15 @@ from pytest_drive_robust.verdict.requirement import Requirement
 
 
 def requirements_of(item: pytest.Item) -> dict[str, Requirement]:
-    """Return the requirements that are parameters of a test, by how the test names them: `"wanted"`, `"wanted[0]"`."""
+    """Return the requirements that are parameters of a test, or stand in one that is a list, tuple or dictionary.
+
+    Their keys are how the test names them: `"wanted"`, `"wanted[0]"`, `"case['wanted']"`.
+    """
     named = dict(getattr(getattr(item, "callspec", None), "params", {}))
     for name, value in list(named.items()):
-        if isinstance(value, (list, tuple)):
-            named |= {f"{name}[{index}]": each for index, each in enumerate(value)}
+        parts = dict(enumerate(value)) if isinstance(value, (list, tuple)) else value
+        if isinstance(parts, dict):
+            named |= {f"{name}[{key!r}]": each for key, each in parts.items()}
     return {name: value for name, value in named.items() if isinstance(value, Requirement)}
 
 

@@ -140,6 +140,10 @@ def test_only_reads(requirement):
 def test_judges_the_first_of_a_list(drive, wanted):
     drive.check(wanted[0])
 
+@pytest.mark.parametrize("case", [{"agent": "steady", "wanted": OTHER}])
+def test_forgets_that_of_a_dictionary(drive, case):
+    pass
+
 def test_without(drive):
     assert drive.routes
 """
@@ -149,7 +153,7 @@ def test_without(drive):
 def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
     result = run(suite(test=FORGETFUL), *workers)
     assert result.ret == 1
-    result.assert_outcomes(passed=7, skipped=1, errors=7)
+    result.assert_outcomes(passed=7, skipped=1, errors=8)
     result.stdout.fnmatch_lines(
         [
             "ERROR: not judged: DS under clean >= 90",
@@ -161,6 +165,7 @@ def test_a_test_that_forgets_its_requirement_is_an_error(suite, workers):
             "ERROR *::test_forgot* - ERROR: not judged: DS under clean >= 90",
         ]
     )
+    result.stdout.fnmatch_lines(["the test ended without judging it. Call drive.check(case[[]'wanted'[]]), or *"])
 
 
 @pytest.mark.parametrize(
