@@ -10,6 +10,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import field, fields
 from pathlib import Path
@@ -105,8 +106,9 @@ def _given(option: Option, source: OptionSource) -> GivenText:
 def _text(option: Option, source: OptionSource) -> str:
     """Return the command line's value, else that of `-o`, else the ini file's, else `""`.
 
-    A blank value in the ini file or in `-o` means the default, as for keys of pytest. Raises `UsageError` for a blank
-    value of the flag, for example from an unset variable of CI: the run would judge another agent or compare nothing.
+    A blank value in the ini file or in `-o` means the default, as for keys of pytest. A leading `~` is the home folder,
+    as in options of pytest: shells leave it in `--drive-store=~/store`. Raises `UsageError` for a blank value of the
+    flag, for example from an unset variable of CI: the run would judge another agent or compare nothing.
     """
     value = source.getoption(option.name)
     if option.is_switch:
@@ -117,4 +119,4 @@ def _text(option: Option, source: OptionSource) -> str:
             f"{option.flag} is empty, expected {option.metavar}: {option.help}. Leave it out to use the value of the "
             f"ini file{usual}; '-o {option.name}=' sets the ini file aside."
         )
-    return str(source.getini(option.name) if value is None else value).strip()
+    return os.path.expanduser(str(source.getini(option.name) if value is None else value).strip())

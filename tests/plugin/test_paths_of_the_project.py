@@ -55,6 +55,16 @@ def test_files_to_write_that_the_ini_file_names_start_from_the_root_folder(suite
         assert (folder.path / name).is_file(), name
 
 
+def test_a_path_may_begin_with_the_home_folder(suite, monkeypatch, tmp_path):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    folder = suite(GREEN)
+    (folder.path / "routes.xml").rename(tmp_path / "mine.xml")
+    options = ("--drive-routes=~/mine.xml:1", "-o", "drive_store=~/store")
+    run(folder, *options, "--drive-json=~/run.json").assert_outcomes(passed=1)
+    assert {path.name for path in tmp_path.iterdir()} >= {"store", "run.json"}
+    assert not (folder.path / "~").exists()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="neither is there")
 def test_reports_go_where_a_link_leads_and_never_replace_a_pipe(suite, driven):
     folder = suite(GREEN)
