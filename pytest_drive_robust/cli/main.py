@@ -115,14 +115,17 @@ class _CommandParser(_Parser):
         """Let the command's module add its arguments, then parse.
 
         Options may stand between positional arguments. Without that, Python before 3.12 does not find an optional
-        positional argument (DIR of `export`) behind an option. Raises `UsageError` for an option with a blank value.
+        positional argument (DIR of `export`) behind an option. A leading `~` in the value of an option is the home
+        folder: shells leave it in `--out=~/pages`. Raises `UsageError` for an option with a blank value.
         """
         module, self.module = self.module, ""
         if module:
             importlib.import_module(module).add_arguments(self)
         if self._intermixed:
             return super().parse_known_args(*arguments, **options)
-        self._refuse_blank(*arguments[:1])
+        words, *others = arguments
+        self._refuse_blank(words)
+        arguments = ([_from_home(word) for word in words], *others)
         if self.get_default("command") is None:  # it has commands of its own
             parsed, unknown = super().parse_known_args(*arguments, **options)
         else:
@@ -148,3 +151,9 @@ class _CommandParser(_Parser):
                 told = f"{flag} is empty, expected {option.metavar or 'a value'}"
                 help_text = (option.help or "").replace("%%", "%")
                 raise UsageError(f"{told}: {help_text}." if help_text else f"{told}.")
+
+
+def _from_home(word: str) -> str:
+    """Return a word of the command line; `--out=~/pages` with the home folder in place of `~`."""
+    flag, equals, text = word.partition("=")
+    return flag + equals + os.path.expanduser(text) if flag.startswith("-") else word

@@ -35,6 +35,16 @@ def test_ids_are_listed_in_the_order_given(capsys: pytest.CaptureFixture[str]) -
     assert shown.index(f"{second} ") < shown.index(f"{first} ")
 
 
+def test_a_path_behind_an_equals_sign_may_begin_with_the_home_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "home"
+    home.mkdir()
+    monkeypatch.setenv("HOME", str(home))
+    assert main(["routes", "draw", "101", "--size=64", "--output=~/sheet.png"]) == 0
+    assert [path.name for path in home.iterdir()] == ["sheet.png"]
+
+
 def test_a_world_lists_routes_of_its_own(capsys: pytest.CaptureFixture[str]) -> None:
     world = "gymnasium:roundabout-v0"
     assert main(["routes", "list", "--sim", world]) == 0
