@@ -139,7 +139,8 @@ def from_reference(kind: str, reference: str) -> Entry:
                 raise
             raise PluginError(
                 f"the {kind.removesuffix('s')} {reference!r} needs the module {error.name!r}, which is neither "
-                f"installed nor in the current folder, {folder}."
+                f"installed nor in the current folder, {folder}. Put its folder on PYTHONPATH, as in PYTHONPATH=src; "
+                "`pythonpath` of the ini file is read by pytest, but not by drive-robust."
             ) from error
         for part in attribute.split("."):
             if not hasattr(target, part):

@@ -55,6 +55,16 @@ def test_a_world_that_breaks_is_not_the_agents_fault(agents_folder: Path, capsys
     assert "breaks the contract" not in shown
 
 
+def test_a_module_that_only_pytest_finds_is_to_be_put_on_the_path(
+    agents_folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As with `pythonpath = src` in the ini file, which a line `replay:` of pytest does not tell."""
+    (agents_folder / "src").mkdir()
+    (agents_folder / "cli_agents.py").rename(agents_folder / "src" / "agents_of_src.py")
+    assert main(["check-agent", "agents_of_src:Good"]) == 4
+    assert "Put its folder on PYTHONPATH, as in PYTHONPATH=src; `pythonpath` of the ini" in capsys.readouterr().err
+
+
 def test_every_route_that_is_named_is_checked(capsys: pytest.CaptureFixture[str]) -> None:
     ids = [route.id for route in resolve_routes("full")[:2]]
     assert main(["check-agent", "cli_agents:Good", "--sim", FAKE, "--routes", ",".join(ids)]) == 0
