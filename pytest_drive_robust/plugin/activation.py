@@ -28,6 +28,7 @@ from pytest_drive_robust.plugin.reporting import ReportingPlugin, header
 from pytest_drive_robust.plugin.run_outputs import LocalRunRecord, RunOutputs
 from pytest_drive_robust.plugin.stopped_tests import StoppedTestsPlugin
 from pytest_drive_robust.plugin.terminal import progress_for
+from pytest_drive_robust.plugin.unread_ini import refuse_unread_ini
 from pytest_drive_robust.plugin.waivers import WaivingPlugin
 from pytest_drive_robust.registry.plugins import plugin_words
 from pytest_drive_robust.regression.options import RegressionOptions
@@ -43,6 +44,7 @@ def activate(config: pytest.Config) -> None:
     """Register the plugin objects that this process needs. Raises `UsageError` for options that cannot be used."""
     if not is_worker(config):
         refuse_moved_root(config)
+        refuse_unread_ini(config)
     refuse_unknown_keys(config)
     options = replace(RunOptions.from_pytest_config(config), plugins=plugin_words(config.pluginmanager))
     execution = ExecutionOptions.from_pytest_config(config)

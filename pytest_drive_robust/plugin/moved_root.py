@@ -9,7 +9,9 @@ from __future__ import annotations
 import inspect
 import os
 import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -28,8 +30,8 @@ def refuse_moved_root(config: pytest.Config) -> None:
     taken = _taken(config)
     if not taken:
         return
-    meant = _meant(config)
-    root, ini = meant or (config.rootpath, config.inipath)
+    meant = found_for(config, config.option.file_or_dir)
+    root, ini = (config.rootpath, config.inipath) if meant is None else (meant.root, meant.ini)
     if meant is None:
         said = "it may read another ini file"
     elif ini != config.inipath:
@@ -56,8 +58,16 @@ def _taken(config: pytest.Config) -> list[str]:
     return [word for word in words if not word.startswith("-") and word not in known and os.path.exists(here / word)]
 
 
-def _meant(config: pytest.Config) -> tuple[Path, Path | None] | None:
-    """Return the root folder and the ini file that pytest finds for the test paths alone; None when it cannot be asked.
+class Found(NamedTuple):
+    """The root folder and the ini file that pytest finds for some test paths, and the keys of the ini file."""
+
+    root: Path
+    ini: Path | None
+    keys: Mapping[str, object]
+
+
+def found_for(config: pytest.Config, places: Sequence[str]) -> Found | None:
+    """Return what pytest finds for the test paths `places` alone; None when it cannot be asked.
 
     What finds them is private in pytest, and nothing public does without loading every plugin and conftest.py again.
     Where a new pytest moves it, what may be wrong is refused, and `tests/plugin/test_private_names_of_pytest.py` fails.
@@ -70,13 +80,13 @@ def _meant(config: pytest.Config) -> tuple[Path, Path | None] | None:
     asked = {
         "inifile": option.inifilename and str(here / option.inifilename),
         "override_ini": option.override_ini,  # from pytest 9 on
-        "args": [str(here / place) for place in option.file_or_dir],
+        "args": [str(here / place) for place in places],
         "rootdir_cmd_arg": option.rootdir and str(config.rootpath),
         "invocation_dir": here,
     }
     wanted = inspect.signature(determine_setup).parameters
-    root, ini, *_ = determine_setup(**{name: value for name, value in asked.items() if name in wanted})
-    return root, ini
+    root, ini, keys, *_ = determine_setup(**{name: value for name, value in asked.items() if name in wanted})
+    return Found(root, ini, {key: getattr(value, "value", value) for key, value in keys.items()})
 
 
 def _named(ini: Path | None) -> str:

@@ -28,8 +28,8 @@ def test_nothing_else_is_imported_from_what_is_private():
 
 def test_pytest_finds_its_ini_file_where_we_ask_for_it():
     assert callable(getattr(findpaths, "determine_setup", None)), (
-        "mend `_meant` in plugin/moved_root.py: until then a path that exists and stands alone after an option is "
-        "refused, though it may be harmless"
+        "mend `found_for` in plugin/moved_root.py: until then a path that exists and stands alone after an option is "
+        "refused, though it may be harmless, and two suites with ini files of their own are driven by that of the first"
     )
 
 
