@@ -28,6 +28,8 @@ _JOIN = re.compile(r"\s+and\s+|\s*[+&,]\s*(?![^(]*\))")
 """The words and signs with which people join failures, outside brackets."""
 _QUANTITY = re.compile(rf"({_NUMBER.pattern})\s*(ms|s|m)?(?![a-z])")
 _BRACKETS = re.compile(r"\([^()]*\)")
+_LIST_MARK = re.compile(r"\s*\d+[.)]\s+")
+"""The number of a line in a numbered list: `"1. "`."""
 _ALIKE = 0.6
 _LONG_S = 10.0
 """The delay in seconds from which on the unit is taken for the mistake, not the number."""
@@ -38,7 +40,7 @@ def nearest_sentence(sentence: str, known: Known, read: Callable[[str, Known], s
 
     `read` returns the canonical form of a valid sentence and None for an invalid one.
     """
-    left, comparison, limit = _split(sentence)
+    left, comparison, limit = _split(_LIST_MARK.sub("", sentence, count=1))
     if _NUMBER.fullmatch(left):  # "0.3 >= RD under ...": turn the sides round
         left, comparison, limit = limit, comparison.translate(_TURNED), left
     metric, setting = _metric_and_setting(left)
@@ -87,7 +89,7 @@ def _limit_candidates(metric: str, text: str) -> list[str]:
     if number is None:
         return []
     plain = number.group()
-    if metric in ("RD", "SR") and abs(float(plain)) >= 1.0:
+    if metric in ("RD", "SR") and (abs(float(plain)) > 1.0 or "%" in text):  # 1 is the end of the range
         return [plain, METRICS[metric].format_limit(float(plain) / 100.0)]
     return [plain]
 

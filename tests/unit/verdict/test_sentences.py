@@ -180,6 +180,8 @@ def test_all_problems_of_a_text_are_told_at_once_with_their_lines() -> None:
          "RD under 200 ms latency <= 0.30"),
         ("comfort under clean >= 30%", "has a unit. Expected a plain number: 30", "comfort under clean >= 30"),
         ("RD under 200 ms latency <= 30", "expected a number in -1..1", "RD under 200 ms latency <= 0.30"),
+        ("RD under 200 ms latency <= 1.0", "can never fail", "RD under 200 ms latency <= 0.30"),
+        ("RD under 200 ms latency <= 1%", "has a unit", "RD under 200 ms latency <= 0.01"),
         ("SR under clean >= 50", "expected a number in 0..1", "SR under clean >= 0.50"),
         ("DS under clean >= 600", "expected a number in 0..100", "DS under clean >= 40"),
         ("DS under clean == 60", "'==' cannot be used here", "DS under clean >= 60"),
@@ -191,6 +193,7 @@ def test_all_problems_of_a_text_are_told_at_once_with_their_lines() -> None:
         ("DS under 300 ms latency (reading=papr) >= 30", "no reading named 'papr'", "DS under 300 ms latency >= 30"),
         ("0.4 >= RD under 300 ms latency", "'under' is missing", "RD under 300 ms latency <= 0.40"),
         ("DS under clean >= 0", "can never fail", "DS under clean >= 40"),
+        ("1. RD under 300 ms latency <= 0.4", "'under' is missing", "RD under 300 ms latency <= 0.40"),
         ("the agent should drive well", "there is no comparison", "RD under 200 ms latency <= 0.30"),
     ],
 )  # fmt: skip
