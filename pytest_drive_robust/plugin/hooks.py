@@ -94,6 +94,8 @@ def pytest_configure(config: pytest.Config) -> None:
     try:
         # Also without the switch: suites that are only collected may use registered perturbations in their sentences.
         config.hook.pytest_drive_robust_register.call_historic(kwargs={"registry": _LazyRegistry()})
+        if config.getoption("help", False):  # no test runs, and pytest has not read the words after --help
+            return
         if config.getoption("drive_robust"):
             from pytest_drive_robust.plugin.quick_import import quick_import
 

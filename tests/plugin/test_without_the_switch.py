@@ -93,6 +93,16 @@ def test_help_lists_every_option_in_a_group_of_its_own(suite):
     )
 
 
+@pytest.mark.parametrize(
+    "args", [("--drive-robust", "--help"), ("--help", "--drive-robust"), ("-h", "--drive-seeds=x")]
+)
+def test_help_is_shown_whatever_else_is_asked_for(suite, args):
+    """As of a project that has `--drive-robust` in `addopts`."""
+    result = suite().runpytest_inprocess(*args)
+    assert result.ret == 0
+    result.stdout.fnmatch_lines(["usage: *", "*--drive-agent=NAME*"])
+
+
 def test_the_marker_is_documented(suite):
     result = suite().runpytest_inprocess("--markers", "--drive-robust")
     assert result.ret == 0
