@@ -170,3 +170,12 @@ def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_a
     told = page[page.index("a second seed takes") : page.index("(`benchmarks/paper/seeds.md`)")]
     assert set(re.findall(r"\d+ %", told)) == set(worth.values())
     assert all(f"`{agent}`" in told for agent in worth)
+
+
+@pytest.mark.parametrize("agent", sorted(path.stem for path in (PAPER / "seed-1-fifth").iterdir()))
+def test_what_has_been_driven_of_the_fifth_routes_fits_the_rest_of_the_second_seed(agent: str) -> None:
+    rest = PAPER / "seed-1-fifth" / f"{agent}.json"
+    assert all(route.endswith("05") for route in read([rest]).routes)
+    seed = read([PAPER / "seed-1.json", rest], only=[agent])
+    first, second = two_seeds([read([PAPER / "results.json"]), seed])
+    assert (list(first.agents), second.seeds, len(second.routes)) == ([agent], (1,), 176 + len(read([rest]).routes))
