@@ -115,7 +115,8 @@ _EXECUTION = (
         "--drive-workers",
         "N",
         "auto",
-        "drive N episodes at a time; auto: one on every core, 1 under -n and with --drive-sim bench2drive",
+        "drive N episodes at a time; auto: one on every core that this process may use, 1 under -n and with "
+        "--drive-sim bench2drive",
     ),
     Option(
         "--drive-lockstep",
