@@ -3,8 +3,7 @@
 Files are what `paper.py` takes. Each seed is in one of them, or both are in one `results.json`; agents and routes that
 only one seed has are left out:
 
-    python benchmarks/seeds.py benchmarks/paper/results.json benchmarks/paper/seed-1.json \\
-        --write benchmarks/paper/seeds.md
+    python benchmarks/seeds.py benchmarks/paper/results.json --write benchmarks/paper/seeds.md
 """
 
 from __future__ import annotations

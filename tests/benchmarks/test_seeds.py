@@ -154,15 +154,15 @@ def test_the_page_is_written_by_its_command(tmp_path: Path) -> None:
 
 
 def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_are_explained() -> None:
-    seeds = two_seeds([read([PAPER / name]) for name in ("results.json", "seed-1.json")])
+    seeds = two_seeds([read([PAPER / "results.json"])])
     written = (PAPER / "seeds.md").read_text(encoding="utf-8")
     assert written == seeds_text(seeds)
     sentences = " ".join((PAPER / "README.md").read_text(encoding="utf-8").split())
     routes, episodes = len(seeds[0].routes), len(seeds[0].agents) * len(DRIVEN) * len(seeds[0].routes)
-    assert f"have been driven, {routes} (`seed-1.json`, {episodes:,} episodes): " in sentences
+    assert f"{routes}, with seeds 0 and 1, {2 * episodes:,} episodes" in sentences
     cells, by_chance = re.findall(r"Of (\d+) cells,[^.]*chance alone makes (\d+\.\d)", written)[0]
-    assert f"{len(apart_of(seeds))} of the {cells} cells of the table differ there" in sentences
-    assert f"where chance alone makes {by_chance} " in sentences
+    assert f"{len(apart_of(seeds))} of the {cells} cells of the table differ between them" in sentences
+    assert f"where chance alone makes {by_chance} (" in sentences
     page = " ".join((ROOT / "docs" / "explanation" / "verdicts.md").read_text(encoding="utf-8").split())
     shares = {agent: on_routes_of(seeds, agent).degradation for agent in seeds[0].agents}
     worth = {agent: f"{100 * (1 - share) / (1 + share):.0f} %" for agent, share in shares.items()}
@@ -170,12 +170,3 @@ def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_a
     told = page[page.index("a second seed takes") : page.index("(`benchmarks/paper/seeds.md`)")]
     assert set(re.findall(r"\d+ %", told)) == set(worth.values())
     assert all(f"`{agent}`" in told for agent in worth)
-
-
-@pytest.mark.parametrize("agent", sorted(path.stem for path in (PAPER / "seed-1-fifth").iterdir()))
-def test_what_has_been_driven_of_the_fifth_routes_fits_the_rest_of_the_second_seed(agent: str) -> None:
-    rest = PAPER / "seed-1-fifth" / f"{agent}.json"
-    assert all(route.endswith("05") for route in read([rest]).routes)
-    seed = read([PAPER / "seed-1.json", rest], only=[agent])
-    first, second = two_seeds([read([PAPER / "results.json"]), seed])
-    assert (list(first.agents), second.seeds, len(second.routes)) == ([agent], (1,), 176 + len(read([rest]).routes))
