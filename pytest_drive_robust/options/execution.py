@@ -77,17 +77,13 @@ class ExecutionOptions:
         """Read the options, each with its ini key and default. Raises `UsageError` for values that cannot be used."""
         options = cls(**read_fields(cls, config))
         if options.executor == "inline":
-            for flag in _GUARDS:
+            several = ("--drive-workers",) if (options.workers or 1) > 1 else ()
+            for flag in (*_GUARDS, *several):
                 if asked_for(flag, config):
                     raise UsageError(
                         f"{flag} needs worker processes, but --drive-executor inline, -s, --pdb or --trace drives the "
                         f"episodes in the process of pytest. Leave {flag} or the other option out."
                     )
-            if (options.workers or 1) > 1 and asked_for("--drive-workers", config):
-                raise UsageError(
-                    f"--drive-workers {options.workers} needs worker processes, but --drive-executor inline, -s, --pdb "
-                    "or --trace drives one episode at a time in the process of pytest. Leave one of them out."
-                )
         if options.executor != "ray" and asked_for("--drive-ray-address", config):
             raise UsageError("--drive-ray-address needs --drive-executor ray: add that, or leave the address out.")
         if _simulator(config) != BENCH2DRIVE:

@@ -40,7 +40,7 @@ from pytest_drive_robust.testing import fake_route
         (("--drive-agent", f"{'a' * 300}:Mine"), ":Mine' needs the module 'aaa"),
         (("-s", "--drive-act-timeout", "1s"), "--drive-act-timeout needs worker processes"),
         (("--drive-executor", "inline", "--drive-memory", "4"), "--drive-memory needs worker processes"),
-        (("-s", "--drive-workers", "4"), "--drive-workers 4 needs worker processes"),
+        (("-s", "--drive-workers", "4"), "--drive-workers needs worker processes"),
         (("--drive-ray-address", "auto"), "--drive-ray-address needs --drive-executor ray"),
         (("--drive-waivers=none.toml",), "there is no file"),
         (("--drive-baselines=blessed",), "--drive-baselines is read to compare runs. Add --drive-compare"),
