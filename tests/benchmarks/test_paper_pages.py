@@ -88,10 +88,8 @@ def test_the_page_of_the_agents_says_how_simlingo_does_on_the_judged_routes(resu
     score, passed = (of(clean, "simlingo", (CLEAN,)) for of in (driving_score, success_rate))
     share = f"{100 * passed.value:.0f} % ({100 * passed.low:.0f} to {100 * passed.high:.0f})"
     scored = f"DS {score.value:.1f} ({score.low:.0f} to {score.high:.0f})"
-    assert (
-        f"On all {len(results.routes)} judged routes, with two seeds each, its clean success is {share}, {scored}."
-        in page
-    )
+    assert f"On all {len(results.routes)} judged routes, with two seeds each, `simlingo` has a clean" in page
+    assert f"with two seeds each, `simlingo` has a clean success of {share}, {scored}." in page
 
 
 def turned(bound: str) -> str:

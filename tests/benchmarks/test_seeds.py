@@ -161,7 +161,7 @@ def test_the_committed_page_is_of_the_committed_results_and_quoted_where_seeds_a
     routes, episodes = len(seeds[0].routes), len(seeds[0].agents) * len(DRIVEN) * len(seeds[0].routes)
     assert f"{routes}, with seeds 0 and 1, {2 * episodes:,} episodes" in sentences
     cells, by_chance = re.findall(r"Of (\d+) cells,[^.]*chance alone makes (\d+\.\d)", written)[0]
-    assert f"{len(apart_of(seeds))} of the {cells} cells of the table differ between them" in sentences
+    assert f"the seeds differ in {len(apart_of(seeds))} of the {cells} cells of the table," in sentences
     assert f"where chance alone makes {by_chance} (" in sentences
     page = " ".join((ROOT / "docs" / "explanation" / "verdicts.md").read_text(encoding="utf-8").split())
     shares = {agent: on_routes_of(seeds, agent).degradation for agent in seeds[0].agents}
