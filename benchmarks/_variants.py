@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from drive_robust_agents._wrappers import tuning
 from drive_robust_agents._wrappers.learned_agent import LearnedAgent, NetworkRow
-from drive_robust_agents._wrappers.memory import LAG_TICKS
+from drive_robust_agents._wrappers.memory import LAG_TICKS, Memory
 from drive_robust_agents._wrappers.path_controller import PathController
 from drive_robust_agents._wrappers.pid import Gains, Point, WaypointController
 from drive_robust_agents.simlingo import SimLingo
@@ -40,7 +40,8 @@ class Change:
 
     `moved_by_speed`: the movement since the memory is the measured speed times 0.5 s, not a difference of GPS.
     `behind_m`: GPS reads a place that far behind, along the compass. `to_target`: the plan is turned towards the target
-    point by this share of the angle; 1 steers straight at the target.
+    point by this share of the angle; 1 steers straight at the target. `forgets`: there is no memory in any tick, as in
+    the first ones of an episode and in half of the training.
     """
 
     options: Mapping[str, Any] = field(default_factory=dict)
@@ -50,6 +51,7 @@ class Change:
     moved_by_speed: bool = False
     behind_m: float = 0.0
     to_target: float = 0.0
+    forgets: bool = False
 
 
 _TARGET_RULE = Change(
@@ -59,6 +61,7 @@ _WRAPPED = Change(numbers={"behind_is_right": False})
 _STEERING = Change(numbers={"turn": tuning.PUBLISHED.turn}, steers_as_it_is=True)
 _NO_CAP = Change(numbers={"coast_above_mps": float("inf")})
 _SPEEDOMETER = Change(moved_by_speed=True)
+_FORGETS = Change(forgets=True)
 _BEHIND = Change(behind_m=20.0)
 _HALFWAY, _STRAIGHT = Change(to_target=0.5), Change(to_target=1.0)
 _NOTHING = Change()
@@ -104,6 +107,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "angle-wrapped": _WRAPPED,
             "no-cap-of-5-mps": _NO_CAP,
             "memory-by-speedometer": _SPEEDOMETER,
+            "no-memory": _FORGETS,
             **_ours(
                 target_rule=_TARGET_RULE,
                 steering=_STEERING,
@@ -119,6 +123,7 @@ VARIANTS: Mapping[str, tuple[type[LearnedAgent], Mapping[str, Change]]] = {
             "as-shipped": _NOTHING,
             "angle-wrapped": _WRAPPED,
             "memory-by-speedometer": _SPEEDOMETER,
+            "no-memory": _FORGETS,
             **_ours(
                 target_rule=_TARGET_RULE,
                 steering=_STEERING,
@@ -161,6 +166,7 @@ class _Changed(LearnedAgent):
     """A mix-in for an agent's class that applies a `Change`."""
 
     change: ClassVar[Change]
+    remembers: ClassVar[Mapping[str, tuple[int, ...]]]
     _controller: WaypointController | PathController
 
     def reset(self, route: GlobalPlan, seed: int) -> None:
@@ -174,6 +180,8 @@ class _Changed(LearnedAgent):
             gps, yaw = observation.gps, observation.compass.yaw_rad
             x_m, y_m = gps.x_m - self.change.behind_m * math.cos(yaw), gps.y_m - self.change.behind_m * math.sin(yaw)
             observation = replace(observation, gps=replace(gps, x_m=x_m, y_m=y_m))
+        if self.change.forgets:
+            self._memory = Memory(self.remembers)
         row = super()._prepare(observation)
         if self.change.moved_by_speed and row.inputs["known"]:
             moved = (observation.speed.mps * 0.05 * LAG_TICKS, 0.0)

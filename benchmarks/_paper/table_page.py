@@ -5,6 +5,7 @@ from __future__ import annotations
 import textwrap
 
 from _paper.agreement import DRAWS, agreement
+from _paper.differences import LEAST, differences, pages_on
 from _paper.estimates import comfort, degradation, driving_score, efficiency, success_rate
 from _paper.markdown import CELLS, NONE, ends, figure, options_of, seeds_of, shown, table
 from _paper.published import AGENTS, AVERAGES, CLEAN, PUBLISHED, SETTINGS, SHORT, published_average
@@ -58,6 +59,7 @@ def table_text(results: Results) -> str:
         "",
         *_agreements_by_agent(results),
         "",
+        *_differences(results),
         "## RD (the paper's)",
     ]
     for reading in READINGS:
@@ -179,6 +181,34 @@ def _agreements_by_agent(results: Results) -> list[str]:
             rows.append((f"`{reading}`", agent, *numbers[0], differences[0], *numbers[1], differences[1]))
     header = ("reading", "agent", "all", "95 %", "off by", "without latency", "95 %", "off by")
     return table(header, rows, text_columns=2)
+
+
+def _differences(results: Results) -> list[str]:
+    """Return lines with the cells that differ from the paper's in the reading `released`; none when none differs."""
+    cells = differences(Drives(results, READINGS[-1]))
+    if not cells:
+        return []
+    pages = [pages_on(cell.agent, cell.row) for cell in cells]
+    rows = [
+        (
+            cell.agent,
+            SHORT[cell.row],
+            ", ".join(f"[{page}]" for page in tried) or NONE,
+            figure(cell.here, ".2f"),
+            figure(cell.paper, ".2f"),
+        )
+        for cell, tried in zip(cells, pages, strict=True)
+    ]
+    return [
+        f"Cells of the reading `{READINGS[-1]}` that differ from the paper's by {LEAST} or more, and the pages that",
+        "change one factor of the agent under this failure, at this severity or another. What was found is",
+        "in [explanations.md](explanations.md).",
+        "",
+        *table(("agent", "setting", "tried in", "RD", "paper"), rows, text_columns=3),
+        "",
+        *(f"[{page}]: ../ablations/{page}.md" for page in sorted({page for tried in pages for page in tried})),
+        "",
+    ]
 
 
 def _glance(drives: Drives) -> list[str]:

@@ -52,14 +52,15 @@ class Asked:
         self.rows: list[dict[str, Any]] = []
 
     def run(self, method: str = "forward", /, **inputs: Any) -> dict[str, Any]:
-        self.rows.append({name: values[0].tolist() for name, values in inputs.items() if name in {"motion", "can_bus"}})
+        shown = {"motion", "can_bus", "known"}
+        self.rows.append({name: values[0].tolist() for name, values in inputs.items() if name in shown})
         remembered = {name: np.zeros((1, *shape), dtype=np.float32) for name, shape in VAD.remembers.items()}
         return {"waypoints": np.zeros((1, 6, 2), dtype=np.float32), **remembered}
 
 
-def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps(monkeypatch) -> None:
+def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps_or_left_out(monkeypatch) -> None:
     rows = {}
-    for change in ("as-shipped", "memory-by-speedometer"):
+    for change in ("as-shipped", "memory-by-speedometer", "no-memory"):
         network = Asked()
         monkeypatch.setattr(LoadedNetwork, "of", lambda *_, network=network, **__: network)
         agent = Variant("vad", change)()
@@ -70,8 +71,10 @@ def test_the_memory_can_be_moved_by_the_speedometer_in_place_of_a_gps_that_jumps
             agent.act(Observation(tick, *sensed, {camera.name: Image(picture, tick) for camera in CAMERAS}))
         rows[change] = network.rows
     assert rows["as-shipped"][0] == rows["memory-by-speedometer"][0]  # nothing is remembered in the first tick
-    assert [rows[change][1]["motion"][0] for change in rows] == [14.0, 2.0]
-    assert [rows[change][1]["can_bus"][4] for change in rows] == [14.0, 2.0]
+    assert rows["as-shipped"][0] == rows["no-memory"][0]
+    assert [rows[change][1]["known"] for change in rows] == [1.0, 1.0, 0.0]
+    assert [rows[change][1]["motion"][0] for change in rows] == [14.0, 2.0, 0.0]
+    assert [rows[change][1]["can_bus"][4] for change in rows] == [14.0, 2.0, 0.0]
 
 
 def test_a_place_behind_moves_what_the_agent_aims_at_and_nothing_else(monkeypatch) -> None:

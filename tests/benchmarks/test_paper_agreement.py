@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from _paper import agreement, joining, results
-from _paper.published import AGENTS, SETTINGS
+from _paper import agreement, differences, joining, results
+from _paper.published import AGENTS, CLEAN, PUBLISHED, SETTINGS
 from _paper.readings import READINGS, Drives
-from made_up_drives import as_published, saved
+from made_up_drives import as_published, paper_reading, saved
 
 
 @pytest.mark.parametrize(
@@ -51,6 +51,23 @@ def test_agents_agree_with_the_paper_each_for_itself(tmp_path: Path) -> None:
     assert one.correlation is not None
     assert other.correlation is not None
     assert other.correlation.value < 0.8 < 0.99 < one.correlation.value
+
+
+def test_cells_that_differ_from_the_papers_are_listed_the_largest_difference_first(tmp_path: Path) -> None:
+    shares = {CLEAN: 1.0, **{row: 1.0 - PUBLISHED["tcp"][row].rd for row in SETTINGS}}
+    drives = paper_reading(
+        tmp_path, {"tcp": {**shares, "GPS noise 5 m": 0.8, "occlusion 0.8": 1.0, "speed noise 0.5": 0.87}}
+    )
+    assert [(cell.agent, cell.row, cell.off_by) for cell in differences.differences(drives)] == [
+        ("tcp", "occlusion 0.8", 0.24),
+        ("tcp", "GPS noise 5 m", 0.1),
+    ]
+
+
+def test_pages_on_a_cell_are_those_of_the_agent_under_the_same_failure() -> None:
+    assert differences.pages_on("tcp", "occlusion 0.5") == ["black/tcp"]  # occlusion 1 there
+    assert "filter/simlingo" in differences.pages_on("simlingo", "100 ms latency")
+    assert differences.pages_on("simlingo", "GPS noise 5 m") == []
 
 
 @pytest.fixture(scope="module")

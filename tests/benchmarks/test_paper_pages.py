@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from _paper.agreement import agreement
+from _paper.differences import differences, pages_on
 from _paper.estimates import driving_score, efficiency, success_rate
 from _paper.joining import read
 from _paper.parts import on_routes
@@ -90,6 +91,12 @@ def test_the_page_of_the_agents_says_how_simlingo_does_on_the_judged_routes(resu
     scored = f"DS {score.value:.1f} ({score.low:.0f} to {score.high:.0f})"
     assert f"On all {len(results.routes)} judged routes, with two seeds each, `simlingo` has a clean" in page
     assert f"with two seeds each, `simlingo` has a clean success of {share}, {scored}." in page
+
+
+def test_whatever_differs_from_the_paper_by_the_released_code_has_an_ablation(results: Results) -> None:
+    cells = differences(Drives(results, "released"))
+    assert cells
+    assert [(cell.agent, cell.row) for cell in cells if not pages_on(cell.agent, cell.row)] == []
 
 
 def turned(bound: str) -> str:
