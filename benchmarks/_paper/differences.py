@@ -12,9 +12,9 @@ from _paper.published import PUBLISHED, SETTINGS
 from _paper.readings import Drives
 from pytest_drive_robust import Setting
 
-__all__ = ["ABLATIONS", "LEAST", "Difference", "differences", "pages_on"]
+__all__ = ["LEAST", "Difference", "differences", "pages_on"]
 
-ABLATIONS = Path(__file__).parents[1] / "ablations"
+_ABLATIONS = Path(__file__).parents[1] / "ablations"
 """The folder of the pages that `benchmarks/ablations.py` writes."""
 
 LEAST = 0.1
@@ -52,14 +52,15 @@ def pages_on(agent: str, row: str) -> list[str]:
     The failure may have another severity there, or another reading.
     """
     kind = _kind(row)
-    names = [(page.relative_to(ABLATIONS).with_suffix(""), page) for page in ABLATIONS.rglob(f"{agent}.md")]
+    names = [(page.relative_to(_ABLATIONS).with_suffix(""), page) for page in _ABLATIONS.rglob(f"{agent}.md")]
     return sorted(name.as_posix() for name, page in names if kind in _kinds(page))
 
 
 @cache
 def _kinds(page: Path) -> set[tuple[type, ...]]:
-    rows = re.findall(r"^\| ([^|]+) \| [a-z]", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
-    return {_kind(setting) for setting in rows if not setting.startswith("`")}  # the head begins with the agent
+    """Return the failures under which a page compares a change with its base: such rows end in an interval."""
+    rows = re.findall(r"^\| ([^|]+) \|.* to \S+\) \|$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {_kind(setting) for setting in rows}
 
 
 def _kind(setting: str) -> tuple[type, ...]:

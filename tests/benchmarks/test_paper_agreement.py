@@ -67,6 +67,7 @@ def test_cells_that_differ_from_the_papers_are_listed_the_largest_difference_fir
 def test_pages_on_a_cell_are_those_of_the_agent_under_the_same_failure() -> None:
     assert differences.pages_on("tcp", "occlusion 0.5") == ["black/tcp"]  # occlusion 1 there
     assert "filter/simlingo" in differences.pages_on("simlingo", "100 ms latency")
+    assert "black/uniad" not in differences.pages_on("uniad", "occlusion 0.8")  # nothing of the agent is changed there
     assert differences.pages_on("simlingo", "GPS noise 5 m") == []
 
 
