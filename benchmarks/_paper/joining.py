@@ -16,15 +16,12 @@ from pathlib import Path
 from _paper.published import AGENTS
 from _paper.readings import DRIVEN, clean_of
 from _paper.reports import read_file
-from _paper.results import DrivenAgent, Results, Scores, SeedScores, place_of
+from _paper.results import OUR_CODE, DrivenAgent, Results, Scores, SeedScores, place_of
 from pytest_drive_robust.arithmetic.signals import mean
 from pytest_drive_robust.domain.result import MACHINE_FACTS
 from pytest_drive_robust.errors import ComparisonError, UsageError
 
 __all__ = ["read"]
-
-_OUR_CODE = ("pytest", "pytest-drive-robust")
-"""Packages whose version changes with every commit without changing a number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +155,7 @@ def _facts(driven: DrivenAgent) -> tuple[object, ...]:
 
     The code may differ for an agent with weights: equal clean runs show that the agent still drives alike.
     """
-    versions = sorted((name, version) for name, version in driven.versions.items() if name not in _OUR_CODE)
+    versions = sorted((name, version) for name, version in driven.versions.items() if name not in OUR_CODE)
     return driven.called, driven.stuck_stop_s, driven.made_of["weights"] or driven.made_of["source"], *versions
 
 

@@ -14,11 +14,14 @@ from typing import Any
 
 from pytest_drive_robust.arithmetic.signals import mean
 
-__all__ = ["FORMAT", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
+__all__ = ["FORMAT", "OUR_CODE", "DrivenAgent", "Results", "Scores", "SeedScores", "place_of", "results_of", "text_of"]
 
 FORMAT = "drive-robust paper table 4"
 """Format of the compact file. Format 1 had one reading and no comfort, format 2 one seed, format 3 one stop of standing
 cars for all agents."""
+
+OUR_CODE = ("pytest", "pytest-drive-robust")
+"""Packages whose version changes with every commit without changing a number."""
 
 
 @dataclass(frozen=True, slots=True)
