@@ -1,7 +1,7 @@
-"""Whether episodes that were driven again are those of the paper's table: score, success and efficiency of each.
+"""Compare episodes that were driven again with those of the paper's table: score, success and efficiency of each.
 
-Drive any agents, routes and settings of the table, with one of its seeds. The third route of each type, where a score
-depends most on the machine:
+Drive any agents, routes and settings of the table, with one of its seeds. This command drives the third route of each
+type in the four settings whose scores depend most on the machine:
 
     pytest --drive-robust suites/paper -k "test_paper_reading and (clean or gps or 0.8)" --drive-agent uniad \\
         --drive-verdict point --drive-routes $(seq -s, 103 100 4403) --drive-json again.json
@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -97,7 +98,7 @@ def _check_agent(table: DrivenAgent | None, again: DrivenAgent, name: str) -> No
     if table is None:
         raise ComparisonError(f"{name} is not in the table.")
     if table.driven_as != again.driven_as:
-        raise ComparisonError(f"{again.driven_as} drove again, in the table {table.driven_as}.")
+        raise ComparisonError(f"{again.driven_as} drove again, in the table {table.driven_as}. Drive as in the table.")
 
 
 def other_facts(table: DrivenAgent, again: DrivenAgent) -> Iterator[str]:
@@ -106,14 +107,11 @@ def other_facts(table: DrivenAgent, again: DrivenAgent) -> Iterator[str]:
         before = table.versions.get(package)
         if package not in OUR_CODE and before != version:
             yield f"{package} {version}, in the table {before or 'not noted'}"
-    known = [fact for fact in MACHINE_FACTS if fact in again.machine and fact in table.machine]
-    yield from (
-        f"{MACHINE_FACTS[fact]} computes otherwise than on the table's machine"
-        for fact in known
-        if again.machine[fact] != table.machine[fact]
-    )
+    for fact in sorted(again.machine.keys() & table.machine.keys()):
+        if again.machine[fact] != table.machine[fact]:
+            yield f"{MACHINE_FACTS[fact]} computes otherwise than on the table's machine"
     if not table.machine:
-        yield "the table does not name the machine of all drives"
+        yield "the table does not name the machine of all its drives"
 
 
 def compare(table: Results, path: Path) -> int:
@@ -124,11 +122,12 @@ def compare(table: Results, path: Path) -> int:
     except ComparisonError as error:
         raise ComparisonError(f"{path}: {error}") from error
     differ = [pair for pair in pairs if pair.table != pair.again]
+    driven_in = Counter((pair.agent, pair.setting) for pair in pairs)
+    differ_in = Counter((pair.agent, pair.setting) for pair in differ)
     for name, driven in again.agents.items():
         for setting in driven.settings:
-            chosen = [pair for pair in pairs if (pair.agent, pair.setting) == (name, setting)]
-            others = sum(pair.table != pair.again for pair in chosen)
-            print(f"  {driven.called:<10} {setting:<42} {len(chosen):5} {others:7}")
+            key = name, setting
+            print(f"  {driven.called:<10} {setting:<42} {driven_in[key]:6} {differ_in[key]:6}")
         for fact in other_facts(table.agents[name], driven):
             print(f"  {driven.called}: {fact}")
     for pair in differ[:SHOWN]:
@@ -147,7 +146,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = parser.parse_args(argv)
     try:
         table = read_file(given.table)
-        print(f"  {'agent':<10} {'setting':<42} {'driven':>5} {'differ':>6}")
+        print(f"  {'agent':<10} {'setting':<42} {'driven':>6} {'differ':>6}")
         differ = [compare(table, path) for path in given.reports]
     except DriveRobustError as error:
         sys.exit(f"error: {error}")
